@@ -31,7 +31,8 @@ pub(crate) fn run(
     let found = instrumental(session, start, &args.logs, reference)?;
     let how = (found.cutoff, found.controller_bandwidth);
     let json = converged(&found.instrumental, how)?;
-    Ok((found.model, json, found.instrumental.hac_bandwidth))
+    let correlated = found.instrumental.correlation_length();
+    Ok((found.model, json, correlated))
 }
 
 /// Instrumental variables with unknown gains and payloads.

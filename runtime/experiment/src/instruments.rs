@@ -170,28 +170,18 @@ fn identified<M: BaseModel<f64> + ?Sized>(
     start: &LeastSquaresStart,
     result: &Instrumental,
 ) -> IdentifiedModel {
-    let method = format!(
-        "instrumental variables, whitened scores correlated in {} samples (Newey and West)",
-        result.hac_bandwidth
-    );
+    let method = format!("instrumental variables, {}", result.covariance_in_words());
     // the regressor, and so its sampling uncertainty, is that of least squares
-    let mut estimate = result.estimate.clone();
-    if let Some(blocks) = &start.score_blocks {
-        let n = estimate.values.len();
-        let all: Vec<usize> = (0..n).collect();
-        let mut change = blocks.change(&start.factor, &all);
-        change.resize(n, 0.0);
-        let pairs = change
-            .iter()
-            .flat_map(|a| change.iter().map(move |b| a * b));
-        let covariance = estimate.covariance.iter().zip(pairs);
-        estimate.covariance = covariance.map(|(c, x)| c + x).collect();
-    }
+    let all: Vec<usize> = (0..result.estimate.values.len()).collect();
+    let blocks = start.score_blocks.as_ref();
+    let change = blocks.map_or_else(Vec::new, |blocks| blocks.change(&start.factor, &all));
+    let deviations = result.deviations.with_change(&change);
+    let correlated = result.estimate.with_deviations(&deviations);
     IdentifiedModel {
         name: "instrumental variables".to_owned(),
         beta: result.estimate.values.clone(),
         feasibility: "not judged".to_owned(),
-        intervals: Intervals::of(&estimate, &estimate, session.confidence, method),
+        intervals: Intervals::of(&result.estimate, &correlated, session.confidence, method),
         ..IdentifiedModel::default()
     }
 }

@@ -215,7 +215,8 @@ impl DidimSettings {
         let motion = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
             made.motion.at(made.settle + t, q, qd, qdd);
         };
-        let known: KnownReference<'_> = (&motion, made.motion.period());
+        // the simulated robot began with the motion, and its log later
+        let known: KnownReference<'_> = (&motion, made.settle);
         let tracks = EffortTracks::new(model, all, self.along.then_some(known))?;
         let runs = tracks.runs(|_| controllers);
         let options = DidimOptions {

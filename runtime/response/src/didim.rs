@@ -24,7 +24,7 @@ use regen_identify::estimate::EstimateError;
 use regen_identify::gains::GainError;
 use regen_identify::identify::{EquationKind, Filtering, Identified, Options, identify};
 use regen_identify::model::IdentifiedModel;
-use regen_identify::session::{LeastSquaresStart, describe};
+use regen_identify::session::LeastSquaresStart;
 use regen_identify::status::EffortContributions;
 use regen_runtime::{BaseModel, SizeError};
 
@@ -105,7 +105,7 @@ impl Didim {
     pub fn start(self, confidence: f64) -> LeastSquaresStart {
         let method = format!(
             "least squares on simulated efforts, {}",
-            describe(&self.identified.deviations)
+            self.identified.deviations.in_words()
         );
         LeastSquaresStart::of_identified(self.identified, confidence, method)
     }

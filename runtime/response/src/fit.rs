@@ -2,7 +2,6 @@
 
 use regen_identify::estimate::{Deviations, EffortError, QrFactor};
 use regen_identify::model::{IdentifiedModel, Interval, Intervals};
-use regen_identify::session::describe;
 use regen_runtime::BaseModel;
 
 use crate::parameters::Unknowns;
@@ -143,7 +142,7 @@ where
     let r = unknowns.base;
     let method = format!(
         "output error of responses, {}",
-        describe(&statistics.deviations)
+        statistics.deviations.in_words()
     );
     let of_kept = Intervals::of(
         &statistics.white,

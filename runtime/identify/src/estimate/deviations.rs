@@ -68,6 +68,14 @@ impl Deviations {
         }
     }
 
+    /// Describes how the standard deviations account for the residuals' correlation.
+    pub fn in_words(&self) -> String {
+        format!(
+            "residuals correlated in time ({:.0} samples count as one; {} cosines of whitened scores)",
+            self.memory, self.terms
+        )
+    }
+
     /// The standard deviation of a parameter; NaN if there is none of that index.
     pub fn sigma(&self, parameter: usize) -> f64 {
         let n = self.degrees_of_freedom.len();
@@ -220,17 +228,54 @@ impl Blocks {
         values: &[f64],
         inside: f64,
     ) -> Result<Deviations, EstimateError> {
-        let k = factor.columns();
-        size("kept", k, kept.len())?;
-        size("values", k, values.len())?;
-        if let Some(&beyond) = kept.iter().find(|c| **c >= self.parameters) {
-            size("kept", self.parameters, beyond + 1)?;
-        }
-        let bread: Vec<f64> = inverse_gram(factor)
+        let inverse: Vec<f64> = inverse_gram(factor)
             .ok_or(EstimateError::NoConvergence)?
             .into_iter()
             .map(|x| x / inside)
             .collect();
+        let bread = Bread {
+            inverse: &inverse,
+            has_too_few_rows: factor.has_too_few_rows(),
+        };
+        let found = self.deviations_with(&bread, kept, values)?;
+        Ok(found.with_change(&self.change(factor, kept)))
+    }
+
+    /// The covariance and degrees of freedom of an estimate by instrumental variables, over all
+    /// parameters of these scores.
+    ///
+    /// - `inverse`: `(Z^T W)^-1`, n x n, row by row, of the weighted instruments and regressor;
+    /// - `has_too_few_rows`: whether there are not more equations than parameters.
+    ///
+    /// # Errors
+    /// When the size does not fit.
+    pub(crate) fn deviations_of_instruments(
+        &self,
+        inverse: &[f64],
+        has_too_few_rows: bool,
+    ) -> Result<Deviations, EstimateError> {
+        let n = self.parameters;
+        size("inverse", n * n, inverse.len())?;
+        let all: Vec<usize> = (0..n).collect();
+        let bread = Bread {
+            inverse,
+            has_too_few_rows,
+        };
+        self.deviations_with(&bread, &all, &self.values)
+    }
+
+    fn deviations_with(
+        &self,
+        bread: &Bread<'_>,
+        kept: &[usize],
+        values: &[f64],
+    ) -> Result<Deviations, EstimateError> {
+        let k = values.len();
+        size("kept", k, kept.len())?;
+        size("inverse", k * k, bread.inverse.len())?;
+        if let Some(&beyond) = kept.iter().find(|c| **c >= self.parameters) {
+            size("kept", self.parameters, beyond + 1)?;
+        }
         let mut step: Vec<f64> = self.values.iter().map(|x| -x).collect();
         for (place, value) in kept.iter().zip(values) {
             step[*place] += value;
@@ -245,7 +290,7 @@ impl Blocks {
             blocks: &self.blocks,
             n: self.parameters,
             kept,
-            bread: &bread,
+            bread: bread.inverse,
             cosines: &cosines,
         };
         let transforms = sum.transforms(terms, &step);
@@ -270,7 +315,7 @@ impl Blocks {
                 degrees_of_freedom[a] = 1.0;
             }
         }
-        if factor.has_too_few_rows() {
+        if bread.has_too_few_rows {
             scale.fill(f64::INFINITY);
             degrees_of_freedom.fill(1.0);
         }
@@ -291,16 +336,22 @@ impl Blocks {
             }
             diagonal
         });
-        let found = Deviations {
+        Ok(Deviations {
             covariance,
             degrees_of_freedom,
             terms,
             samples,
             memory: self.memory.min(samples as f64),
             root,
-        };
-        Ok(found.with_change(&self.change(factor, kept)))
+        })
     }
+}
+
+/// The matrix by which the sum of the scores gives the error of the estimate.
+struct Bread<'a> {
+    /// `(W^T W)^-1`, or `(Z^T W)^-1` with instruments; row by row.
+    inverse: &'a [f64],
+    has_too_few_rows: bool,
 }
 
 /// cos(pi m s) at the middle s of each block, m = 0, 1, ..., with s from 0 to 1 over the log.
@@ -329,7 +380,7 @@ impl Cosines {
     }
 }
 
-/// The blocks with the cosines and B = (W^T W)^-1, over the parameters of a factor.
+/// The blocks with the cosines and B, see [`Bread`], over the parameters of an estimate.
 struct Sums<'a> {
     blocks: &'a [Block],
     n: usize,
@@ -369,7 +420,7 @@ impl Sums<'_> {
         out
     }
 
-    /// `B sum cos_m P B` with the expected variance P of each block: entry (a, b) at a k + b.
+    /// `B sum cos_m P B^T` with the expected variance P of each block: entry (a, b) at a k + b.
     fn expected(&self, m: usize) -> Vec<f64> {
         let k = self.kept.len();
         let sum = self.collect(m, |block, i, j| {
@@ -377,8 +428,10 @@ impl Sums<'_> {
             block.expected[low * self.n + high]
         });
         let half = product(self.bread, &sum, k);
-        // both are symmetric: (B S) B, rows of B are its columns
-        product(&half, self.bread, k)
+        let lines = half.chunks_exact(k.max(1));
+        let pairs =
+            lines.flat_map(|line| self.bread.chunks_exact(k.max(1)).map(move |b| (line, b)));
+        pairs.map(|(line, b)| dot(line, b)).collect()
     }
 
     /// `sqrt(2) B sum cos_j D`, with D the slope of each block: the change of the transform with

@@ -173,7 +173,7 @@ impl QrFactor {
 
     /// Whether there are less than three rows for two columns: the parameters can then fit the
     /// noise of whole efforts, so that the residuals give no information on it.
-    pub(super) fn has_too_few_rows(&self) -> bool {
+    pub(crate) fn has_too_few_rows(&self) -> bool {
         2 * self.rows < 3 * self.columns()
     }
 

@@ -21,6 +21,7 @@ pub use deviations::Deviations;
 pub use error::EstimateError;
 pub use factor::QrFactor;
 pub use noise::{Autoregression, ORDER};
+pub(crate) use products::OuterProducts;
 pub use residuals::{Autocorrelated, EffortError, Residuals, average_relative_error};
 pub(crate) use row_block::RowBlock;
 pub use scores::{BLOCKS, Blocks, Scores};

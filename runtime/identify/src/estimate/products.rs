@@ -17,7 +17,7 @@ const COLLECTED: usize = 64;
 /// Each entry is summed in the order of the pairs, each product rounded before it is added, so that
 /// the bits are those of one pair added after the other, on any machine.
 #[derive(Clone, Debug)]
-pub(super) struct OuterProducts {
+pub(crate) struct OuterProducts {
     n: usize,
     /// The length of a padded row.
     stride: usize,
@@ -33,7 +33,7 @@ pub(super) struct OuterProducts {
 impl OuterProducts {
     /// An empty sum; of a symmetric one (`upper`) only the entries from the diagonal on are
     /// computed.
-    pub(super) fn new(n: usize, upper: bool) -> Self {
+    pub(crate) fn new(n: usize, upper: bool) -> Self {
         let stride = n.next_multiple_of(ROWS);
         Self {
             n,
@@ -46,7 +46,7 @@ impl OuterProducts {
     }
 
     /// Adds a pair of vectors of n entries.
-    pub(super) fn push(&mut self, a: &[f64], b: &[f64]) {
+    pub(crate) fn push(&mut self, a: &[f64], b: &[f64]) {
         let end = self.a.len() + self.stride;
         self.a.extend_from_slice(&a[..self.n]);
         self.b.extend_from_slice(&b[..self.n]);
@@ -65,7 +65,7 @@ impl OuterProducts {
 
     /// Returns the sum, row by row, and starts an empty one; entries before the diagonal of a
     /// symmetric sum are not filled.
-    pub(super) fn take(&mut self) -> Vec<f64> {
+    pub(crate) fn take(&mut self) -> Vec<f64> {
         self.add();
         let rows = self.sum.chunks_exact(self.stride.max(1)).take(self.n);
         let sum = rows.flat_map(|row| &row[..self.n]).copied().collect();

@@ -129,16 +129,18 @@ impl Blocks {
 /// A sample in the look-ahead buffer: it is whitened once the next samples are known.
 #[derive(Clone, Debug, Default)]
 struct PendingSample {
-    /// The weighted regressor rows, efforts x n, effort by effort.
+    /// The weighted rows of the scores, efforts x n, effort by effort: those of the regressor or of
+    /// the instruments.
     w: Vec<f64>,
-    /// `w` times the slope of psi; empty where all slopes are 1.
+    /// The derivatives of psi by the parameters, negated: the weighted rows of the regressor times
+    /// the slope of psi. Empty where they are the same as `w`.
     v: Vec<f64>,
     /// The weighted and bounded residuals, one for each effort.
     psi: Vec<f64>,
 }
 
 impl PendingSample {
-    /// The weighted regressor row of an effort times the slope of its psi, n entries.
+    /// The derivative of the psi of an effort by the parameters, negated, n entries.
     fn sloped(&self, effort: usize, n: usize) -> &[f64] {
         let all = if self.v.is_empty() { &self.w } else { &self.v };
         &all[effort * n..(effort + 1) * n]
@@ -152,7 +154,8 @@ impl PendingSample {
 /// sum, written with terms `g eps` that are independent of each other. So the variance of the sum
 /// is computed from scores that are nearly white (prewhitened, as Andrews and Monahan, 1992, do
 /// with an autoregression of the scores). The sum is the same for any autoregression; the
-/// autoregression only decides how white the terms are.
+/// autoregression only decides how white the terms are. With instrumental variables, the scores are
+/// `z psi(e)`.
 #[derive(Clone, Debug)]
 pub struct Scores {
     n: usize,
@@ -235,6 +238,42 @@ impl Scores {
                 next.v.extend(own.iter().map(|x| x * slope));
             }
         }
+        self.push_pending(next, weights, psi);
+        Ok(())
+    }
+
+    /// Adds a sample of an estimate by instrumental variables, whose scores are `z psi(e)`.
+    ///
+    /// - `z`: the instruments, efforts x n, column by column;
+    /// - `w`, `weights`, `psi`: as in [`push`](Self::push), without a bound.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub fn push_with_instruments(
+        &mut self,
+        (z, w): (&[f64], &[f64]),
+        weights: &[f64],
+        psi: &[f64],
+    ) -> Result<(), EstimateError> {
+        let efforts = self.noise.len();
+        size("z", efforts * self.n, z.len())?;
+        size("w", efforts * self.n, w.len())?;
+        size("weights", efforts, weights.len())?;
+        size("psi", efforts, psi.len())?;
+        let mut next = self.spare.pop().unwrap_or_default();
+        for (columns, rows) in [(z, &mut next.w), (w, &mut next.v)] {
+            rows.clear();
+            for (effort, weight) in weights.iter().enumerate() {
+                let columns = columns.chunks_exact(efforts);
+                rows.extend(columns.map(|column| column[effort] * weight));
+            }
+        }
+        self.push_pending(next, weights, psi);
+        Ok(())
+    }
+
+    /// Adds a sample with its rows to the look-ahead buffer.
+    fn push_pending(&mut self, mut next: PendingSample, weights: &[f64], psi: &[f64]) {
         next.psi.clear();
         let used = psi.iter().zip(weights);
         next.psi
@@ -243,7 +282,6 @@ impl Scores {
         if self.waiting.len() > self.order {
             self.process_oldest();
         }
-        Ok(())
     }
 
     /// Ends the run: the next sample does not follow the last one in time.

@@ -7,7 +7,7 @@ use super::{GainError, GainFit};
 use crate::feasibility::PhysicalFit;
 use crate::intervals::{Draws, LeastSquares, ProjectedDraws, determined, replicate};
 use crate::model::{Covariance, Gain, IdentifiedModel, IdentifiedPayload, Intervals, PayloadValue};
-use crate::session::{describe, describe_draws, describe_fit, drawn_interval, unbounded};
+use crate::session::{describe_draws, describe_fit, drawn_interval, unbounded};
 
 impl Constrained<'_> {
     /// The identified model.
@@ -124,7 +124,7 @@ impl Constrained<'_> {
             };
             format!(
                 "linearised at the optimum; {}{exact}",
-                describe_draws(drawn.phi.len(), &describe(&found.deviations))
+                describe_draws(drawn.phi.len(), &found.deviations.in_words())
             )
         });
         Ok(IdentifiedModel {

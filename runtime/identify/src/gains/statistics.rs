@@ -18,7 +18,6 @@ use crate::estimate::{
 };
 use crate::identify::{Instrumental, LeftOut, Source};
 use crate::qr_update::substitute;
-use crate::session::describe;
 use crate::status::EffortContributions;
 use regen_runtime::BaseModel;
 
@@ -95,7 +94,7 @@ impl Solved<'_> {
         #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
         let correlation_length = blocks.correlation_length().round() as usize;
         let found = Found {
-            of: describe(&deviations),
+            of: deviations.in_words(),
             estimate,
             deviations,
             errors,
@@ -132,19 +131,15 @@ impl Solved<'_> {
         let smooth = residual_statistics(rows, at, &means, self.options, |sample| sample.z)?;
         found.at_instruments = smooth.relative_absolute();
         let mut estimate = found.estimate.clone();
-        let deviations = Deviations::white(&estimate);
         for (own, gain) in estimate.efforts.iter_mut().zip(&gains) {
             *own = in_si(&own.name, own.rows, own.sigma, *gain);
         }
-        let correlation_length = found.hac_bandwidth;
         let own = Found {
-            of: format!(
-                "whitened scores correlated in {correlation_length} samples (Newey and West)"
-            ),
+            of: found.covariance_in_words(),
             estimate,
-            deviations,
+            deviations: found.deviations.clone(),
             errors,
-            correlation_length,
+            correlation_length: found.correlation_length(),
         };
         let fixed = self.fixed();
         let moved = self.moved_by_instruments(&linear, &fixed, rows)?;

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use regen_runtime::{BaseModel, Friction, LoopClosure};
 
-use super::{LeastSquaresStart, PriorKnowledge, Session, SessionError, describe};
+use super::{LeastSquaresStart, PriorKnowledge, Session, SessionError};
 use crate::feasibility::{
     BaseMap, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, PhysicalFit, Scale, Verdict,
     identify_first, verdict,
@@ -101,7 +101,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
             &mut progress,
         )?;
         let known = match start.score_blocks {
-            Some(_) => describe(&start.deviations),
+            Some(_) => start.deviations.in_words(),
             None => "for white residuals".to_owned(),
         };
         let one = |s: &Spread| drawn_interval(s, session.confidence);
@@ -167,7 +167,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
                 friction: spread.joints.iter().map(of_joint).collect(),
                 method: format!(
                     "linearised at the optimum; {}{short}",
-                    describe_draws(spread.replicates, &describe(&spread.deviations))
+                    describe_draws(spread.replicates, &spread.deviations.in_words())
                 ),
             }
         };

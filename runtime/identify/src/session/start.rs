@@ -124,7 +124,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     } else {
         format!(
             "least squares, {}{sampling_note}",
-            describe(&identified.deviations)
+            identified.deviations.in_words()
         )
     };
     Ok(LeastSquaresStart {
@@ -166,14 +166,6 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
     } else {
         ""
     })
-}
-
-/// Describes in words how the standard deviations account for the residuals' correlation.
-pub fn describe(deviations: &Deviations) -> String {
-    format!(
-        "residuals correlated in time ({:.0} samples count as one; {} cosines of whitened scores)",
-        deviations.memory, deviations.terms
-    )
 }
 
 /// Solves least squares from the QR factors of one or more logs.

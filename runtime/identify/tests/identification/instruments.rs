@@ -127,6 +127,6 @@ fn motions_that_go_on_changing_are_asked_for_five_times_only() {
         found.rounds
     );
     assert_eq!(asked, 5);
-    let off = |k: usize| (found.estimate.values[k] - TRUTH[k]).abs() / found.estimate.sigma(k);
+    let off = |k: usize| (found.estimate.values[k] - TRUTH[k]).abs() / found.deviations.sigma(k);
     assert!(off(0) < 3.0 && off(1) < 3.0);
 }

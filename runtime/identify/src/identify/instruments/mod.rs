@@ -13,6 +13,7 @@
 //! and Gautier, A generic instrumental variable approach for industrial robot identification,
 //! 2014), or the measured one after smoothing ([`MotionSeries::smoothed`]). Z is filtered like W.
 
+mod deviations;
 mod hausman;
 mod motion;
 mod regressor;
@@ -21,6 +22,7 @@ mod sums;
 pub use motion::MotionSeries;
 pub(crate) use regressor::InstrumentRegressor;
 
+use deviations::{Correlated, deviations};
 use hausman::{covariances, hausman};
 use sums::{Solution, Sums};
 
@@ -28,7 +30,9 @@ use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::passes::{Source, predicted};
 use super::replay::Replay;
 use super::stream::LeftOut;
-use crate::estimate::{EffortError, Estimate, EstimateError, Origin, Residuals, Weighting};
+use crate::estimate::{
+    Deviations, EffortError, Estimate, EstimateError, Origin, Residuals, Weighting,
+};
 use regen_runtime::BaseModel;
 
 /// Options of an estimate by instrumental variables.
@@ -40,9 +44,10 @@ pub struct InstrumentOptions {
     pub rounds: usize,
     /// The number of autocorrelations of the residuals to compute.
     pub lags: usize,
-    /// The bandwidth, in samples, of the covariance that is consistent under heteroskedasticity and
-    /// autocorrelation (HAC): whitened scores at least as far apart count as uncorrelated. `None`: 1
-    /// plus 3/4 of the cube root of the number of samples.
+    /// The bandwidth, in samples, of Newey and West's (1987) covariance of whitened scores, which is
+    /// consistent under heteroskedasticity and autocorrelation (HAC): those at least as far apart
+    /// count as uncorrelated. `None`: the covariance is that of [`Deviations`], and in the test of the
+    /// difference to least squares the bandwidth is 1 plus 3/4 of the cube root of the number of samples.
     pub hac_bandwidth: Option<usize>,
 }
 
@@ -86,9 +91,11 @@ impl Hausman {
 /// An estimate by instrumental variables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instrumental {
-    /// The parameters, with the covariance that accounts for the residuals' correlation. The
-    /// residuals include the errors of the regressor and those of the efforts.
+    /// The parameters with the covariance for white residuals. The residuals include the errors of
+    /// the regressor and those of the efforts.
     pub estimate: Estimate,
+    /// The covariance that accounts for the residuals' correlation in time.
+    pub deviations: Deviations,
     /// The least-squares parameters of the same equations with the same weights, SI.
     pub least_squares: Vec<f64>,
     /// The test whether both estimates differ.
@@ -107,13 +114,37 @@ pub struct Instrumental {
     pub relative_absolute: f64,
     /// The same with efforts predicted at the motion of the instruments, which has less noise.
     pub at_instruments: f64,
-    /// The bandwidth of the covariance, in samples, see [`InstrumentOptions::hac_bandwidth`].
-    pub hac_bandwidth: usize,
+    /// The bandwidth of Newey and West's covariance in samples; `None` where the deviations are from
+    /// cosines, see [`InstrumentOptions::hac_bandwidth`].
+    pub hac_bandwidth: Option<usize>,
     /// The samples and equations that were left out, by reason.
     pub left_out: LeftOut,
 }
 
 impl Instrumental {
+    /// The estimate with the covariance that accounts for the residuals' correlation in time.
+    pub fn correlated(&self) -> Estimate {
+        self.estimate.with_deviations(&self.deviations)
+    }
+
+    /// The number of consecutive samples that carry the information of one independent sample, or the
+    /// bandwidth if it was given.
+    pub fn correlation_length(&self) -> usize {
+        #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
+        let found = self.deviations.memory.round() as usize;
+        self.hac_bandwidth.unwrap_or(found)
+    }
+
+    /// Describes how the standard deviations account for the residuals' correlation.
+    pub fn covariance_in_words(&self) -> String {
+        self.hac_bandwidth.map_or_else(
+            || self.deviations.in_words(),
+            |bandwidth| {
+                format!("whitened scores correlated in {bandwidth} samples (Newey and West)")
+            },
+        )
+    }
+
     /// The index of the parameter whose instrument has the smallest correlation with its column,
     /// the first of several; `None` if there are no parameters.
     pub fn weakest(&self) -> Option<usize> {
@@ -300,11 +331,13 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
     // whitened scores need a short bandwidth only: Stock and Watson's rule
     #[allow(clippy::cast_sign_loss, reason = "a cube root of a count")]
     let whitened = 1 + (0.75 * (rows as f64).cbrt()) as usize;
-    let hac_bandwidth = options
-        .hac_bandwidth
-        .unwrap_or(whitened)
-        .clamp(1, rows.max(1));
-    let covariance = covariances(equations, &found, hac_bandwidth)?;
+    let bandwidth = options.hac_bandwidth.unwrap_or(whitened);
+    let bandwidth = bandwidth.clamp(1, rows.max(1));
+    let covariance = covariances(equations, &found, bandwidth)?;
+    let Correlated {
+        mut deviations,
+        white,
+    } = deviations(equations, &found)?;
     let mut estimate = Estimate::of(&found.solution.factor)?;
     estimate.labels.clone_from(&origin.labels);
     estimate.values.clone_from(&found.solution.values);
@@ -314,15 +347,20 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
         fit.sigma = error.rms;
         fit.weight = *weight;
     }
-    let estimate = estimate.with_covariance(covariance.instrumental)?;
+    let estimate = estimate.with_covariance(white)?;
+    if options.hac_bandwidth.is_some() {
+        let freedom = estimate.degrees_of_freedom;
+        deviations = deviations.with_covariance(covariance.instrumental, freedom);
+    }
     let test = hausman(
         &found.solution.least_squares,
         &found.solution.values,
         &covariance.difference,
-        1.5 * rows as f64 / hac_bandwidth as f64,
+        1.5 * rows as f64 / bandwidth as f64,
     );
     Ok(Instrumental {
         estimate,
+        deviations,
         test,
         relevance: core::mem::take(&mut found.solution.relevance),
         least_squares: found.solution.least_squares,
@@ -331,7 +369,7 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
         errors: found.efforts,
         relative_absolute: found.relative_absolute,
         at_instruments: found.at_instruments,
-        hac_bandwidth,
+        hac_bandwidth: options.hac_bandwidth.is_some().then_some(bandwidth),
         left_out: LeftOut::default(),
     })
 }
