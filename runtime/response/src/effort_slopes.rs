@@ -97,11 +97,18 @@ where
             break;
         }
         let next = place(plant, model, run, sample + 1, beta)?;
+        let middle = middle(plant, model, run, sample, beta)?;
         let efforts = DMatrix::from_fn(a, unknowns, |k, unknown| {
             let rates = controllers.get(k).map(|c| &c.effort.rates);
             rates.and_then(|r| r.get(unknown)).copied().unwrap_or(0.0)
         });
-        if !beside.advance([&here, &next], &plant.directed, beta, &efforts, run.step) {
+        if !beside.advance(
+            [&here, &middle, &next],
+            &plant.directed,
+            beta,
+            &efforts,
+            run.step,
+        ) {
             return Err(not_linearised(
                 run,
                 sample,
@@ -133,29 +140,73 @@ where
     M: BaseModel<f64> + ?Sized,
     D: BaseModel<Number> + ?Sized,
 {
-    let (n, dof) = (plant.n, plant.dof);
-    let row = |all: &[f64], width: usize| -> Vec<f64> {
-        let found = all.get(sample * width..(sample + 1) * width);
-        found.map_or_else(|| vec![0.0; width], <[f64]>::to_vec)
+    let [q, qd, qdd] = [&run.log.q, &run.log.qd, &run.log.qdd].map(|all| row(all, plant.n, sample));
+    let efforts = row(&run.log.effort, plant.actuated.len(), sample);
+    place_at(plant, model, [&q, &qd, &qdd, &efforts], beta)?
+        .ok_or_else(|| not_linearised(run, sample, "the loops cannot be kept closed"))
+}
+
+/// The equations in the middle between a sample and the next one, on the cubic through positions and
+/// velocities of both.
+fn middle<M, D>(
+    plant: &Plant<'_, M, D>,
+    model: &M,
+    run: &LoopRun,
+    sample: usize,
+    beta: &[f64],
+) -> Result<Place, DidimError>
+where
+    M: BaseModel<f64> + ?Sized,
+    D: BaseModel<Number> + ?Sized,
+{
+    let ends = |all: &[f64], width: usize| {
+        let (from, to) = (row(all, width, sample), row(all, width, sample + 1));
+        from.into_iter().zip(to)
     };
-    let [q, qd, qdd] = [&run.log.q, &run.log.qd, &run.log.qdd].map(|all| row(all, n));
-    let efforts = row(&run.log.effort, plant.actuated.len());
-    let state: Vec<f64> = [&q, &qd]
+    let (mut q, mut qd, mut qdd) = (Vec::new(), Vec::new(), Vec::new());
+    let h = run.step;
+    for ((q0, q1), (v0, v1)) in ends(&run.log.q, plant.n).zip(ends(&run.log.qd, plant.n)) {
+        q.push(f64::midpoint(q0, q1) - 0.125 * h * (v1 - v0));
+        qd.push(1.5 * (q1 - q0) / h - 0.25 * (v0 + v1));
+        qdd.push((v1 - v0) / h);
+    }
+    let efforts = ends(&run.log.effort, plant.actuated.len());
+    let efforts: Vec<f64> = efforts.map(|(a, b)| f64::midpoint(a, b)).collect();
+    place_at(plant, model, [&q, &qd, &qdd, &efforts], beta)?
+        .ok_or_else(|| not_linearised(run, sample, "the loops cannot be kept closed"))
+}
+
+/// The values of a sample.
+fn row(all: &[f64], width: usize, sample: usize) -> Vec<f64> {
+    let found = all.get(sample * width..(sample + 1) * width);
+    found.map_or_else(|| vec![0.0; width], <[f64]>::to_vec)
+}
+
+/// The equations at positions, velocities and accelerations of all coordinates and efforts; `None` if the
+/// loops cannot be kept closed.
+fn place_at<M, D>(
+    plant: &Plant<'_, M, D>,
+    model: &M,
+    [q, qd, qdd, efforts]: [&[f64]; 4],
+    beta: &[f64],
+) -> Result<Option<Place>, DidimError>
+where
+    M: BaseModel<f64> + ?Sized,
+    D: BaseModel<Number> + ?Sized,
+{
+    let (n, dof) = (plant.n, plant.dof);
+    let state: Vec<f64> = [q, qd]
         .iter()
         .flat_map(|all| plant.independent.iter().map(|c| all[*c]))
         .collect();
-    let Some(posture) = plant.posture(&q, &state, true)? else {
-        return Err(not_linearised(
-            run,
-            sample,
-            "the loops cannot be kept closed",
-        ));
+    let Some(posture) = plant.posture(q, &state, true)? else {
+        return Ok(None);
     };
-    let found = plant.gradient(&posture, &qdd, &efforts, beta, false)?;
+    let found = plant.gradient(&posture, qdd, efforts, beta, false)?;
     let mut mass = vec![0.0; dof * dof];
     let _condition = model.base_mass_matrix(&posture.q, beta, &mut mass)?;
     let by_state = matrix(&found.by_state, dof);
-    Ok(Place {
+    Ok(Some(Place {
         mass: matrix(&mass, dof),
         by_position: by_state.columns(0, dof).clone_owned(),
         by_velocity: by_state.columns(dof, dof).clone_owned(),
@@ -164,7 +215,7 @@ where
         reach: matrix(&posture.reach, n),
         turning: matrix(&posture.turning, n),
         qd: posture.qd,
-    })
+    }))
 }
 
 /// The controllers of a loop at its beginning.

@@ -8,18 +8,27 @@
 //!
 //! where K and D are the derivatives of `G u - W beta` at constant accelerations, and the last sum is the
 //! friction that changes its direction with the velocity of joint j, whose derivatives by the independent
-//! velocities and positions are `x_j` and `t_j`. Over a sample all matrices are means of both ends, and dq and
-//! dv change by the trapezoidal rule. Where friction changes its direction within the sample, the direction
+//! velocities and positions are `x_j` and `t_j`. Over half a sample all matrices are means of both ends, and
+//! dq and dv change by the trapezoidal rule. One step over the whole sample is then extrapolated with the
+//! two halves to the fourth order (Richardson): in a loop of 3 Hz that swings, derivatives of the
+//! trapezoidal rule alone are 40 % off after ten seconds of 100 samples each.
+//!
+//! Where friction changes its direction within half a sample, the direction
 //! and `c_j` are their means over the velocities from end to end, as if these changed evenly; in truth
 //! they change faster before a reversal than after it, which is an error of a part of a sample at each
 //! reversal. Where a joint sticks, `c_j` is so large that dv would
-//! alternate; the rule then leans towards the end of the sample as far as is needed to prevent that.
+//! alternate; the rule then leans towards the end of the step as far as is needed to prevent that, and
+//! nothing is extrapolated.
 
 use nalgebra::DMatrix;
 
 use crate::plant::Directed;
 
-/// What the equations depend on at one sample.
+/// Steps are extrapolated where friction that changes its direction takes away less than this part of a
+/// joint's velocity.
+const STICKING: f64 = 0.1;
+
+/// What the equations depend on at one time.
 pub(crate) struct Place {
     /// The mass matrix, dof x dof.
     pub(crate) mass: DMatrix<f64>,
@@ -55,16 +64,46 @@ impl Beside {
 
     /// Moves on from one sample to the next, `h` seconds later; false if the equations are singular.
     ///
+    /// - `places`: the sample, the middle between both, and the next one;
     /// - `efforts`: the changes of the efforts between the samples, a x m; the first r unknowns are the
     ///   base parameters `beta`.
     pub(crate) fn advance(
+        &mut self,
+        [from, middle, to]: [&Place; 3],
+        directed: &[Directed],
+        beta: &[f64],
+        efforts: &DMatrix<f64>,
+        h: f64,
+    ) -> bool {
+        let (mut halves, mut whole) = (self.clone(), self.clone());
+        let half = 0.5 * h;
+        let first = halves.step([from, middle], directed, beta, efforts, half);
+        let second = halves.step([middle, to], directed, beta, efforts, half);
+        let Some((first, second)) = first.zip(second) else {
+            return false;
+        };
+        if first.max(second) < STICKING {
+            if whole.step([from, to], directed, beta, efforts, h).is_none() {
+                return false;
+            }
+            halves.q = (&halves.q * 4.0 - whole.q) / 3.0;
+            halves.v = (&halves.v * 4.0 - whole.v) / 3.0;
+        }
+        *self = halves;
+        true
+    }
+
+    /// One step of the trapezoidal rule, `h` seconds long. Returns the largest part of a joint's velocity
+    /// that friction that changes its direction takes away in the step; `None` if the equations are
+    /// singular.
+    fn step(
         &mut self,
         [from, to]: [&Place; 2],
         directed: &[Directed],
         beta: &[f64],
         efforts: &DMatrix<f64>,
         h: f64,
-    ) -> bool {
+    ) -> Option<f64> {
         let mean = |a: &DMatrix<f64>, b: &DMatrix<f64>| (a + b) * 0.5;
         let mass = mean(&from.mass, &to.mass);
         let mut regressor = mean(&from.regressor, &to.regressor);
@@ -72,9 +111,8 @@ impl Beside {
         let dof = mass.nrows();
         let mut friction = [DMatrix::zeros(dof, dof), DMatrix::zeros(dof, dof)];
         let mut by_position = mean(&from.by_position, &to.by_position);
-        let Some(inverse) = mass.clone().cholesky().map(|c| c.inverse()) else {
-            return false;
-        };
+        let inverse = mass.clone().cholesky()?.inverse();
+        let mut sticking: f64 = 0.0;
         for joint in directed {
             let row = mean(&from.reach, &to.reach)
                 .row(joint.coordinate)
@@ -90,6 +128,7 @@ impl Beside {
             }
             let damping = joint.coefficient(beta) * slope;
             let product = damping * h * row.dot(&(&inverse * &row));
+            sticking = sticking.max(product);
             let late = (1.0 - 1.0 / product.max(1e-300)).max(0.5);
             let outer = &row * row.transpose() * damping;
             let turning = mean(&from.turning, &to.turning);
@@ -105,12 +144,10 @@ impl Beside {
         right += mean(&from.by_effort, &to.by_effort) * efforts;
         let mut own = right.columns_mut(0, regressor.ncols());
         own -= regressor;
-        let Some(next) = ends.lu().solve(&right) else {
-            return false;
-        };
+        let next = ends.lu().solve(&right)?;
         self.q += (&self.v + &next) * (0.5 * h);
         self.v = next;
-        true
+        Some(sticking)
     }
 }
 

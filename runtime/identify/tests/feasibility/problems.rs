@@ -64,6 +64,7 @@ fn problems_for_another_solver() {
                 "squares": found.squared_residual,
                 "gap": found.gap,
                 "limited": found.limited,
+                "sizes": found.sizes.iter().map(|s| [s.mass, s.length]).collect::<Vec<_>>(),
             }),
             Err(error) => json!({ "error": error.to_string() }),
         };

@@ -14,9 +14,10 @@ mod models {
     #![allow(missing_docs, unreachable_pub)]
     regen_runtime::robot_model!("../../tests/responses/arm.yaml");
     regen_runtime::robot_model!("../../tests/responses/picker_passive.yaml");
+    regen_runtime::robot_model!("../../tests/responses/swinging.yaml");
 }
 
-/// A motion of two joints about home, with reversals at different times.
+/// A motion of all joints about home, with reversals at different times.
 fn swing(t: f64, home: &[f64], q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
     for (k, home) in home.iter().enumerate() {
         let (w, phase) = (3.0 + 1.3 * k as f64, 0.4 * (k + 1) as f64);
@@ -27,7 +28,9 @@ fn swing(t: f64, home: &[f64], q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
 }
 
 /// The largest error of any column of derivatives, as a part of the column's rms, after the lead.
-fn worst<M>(model: &M, controllers: Controllers<'_>, lead: f64) -> f64
+///
+/// - `step`: the time between samples, s.
+fn worst<M>(model: &M, controllers: Controllers<'_>, lead: f64, step: f64) -> f64
 where
     M: BaseModel<f64> + BaseModel<Number>,
 {
@@ -41,7 +44,7 @@ where
         lead,
         controllers,
     };
-    let times: Vec<f64> = (0..900).map(|k| 1.0 + 0.0025 * f64::from(k)).collect();
+    let times: Vec<f64> = (0..900).map(|k| 1.0 + step * f64::from(k)).collect();
     let nominal = info.nominal_parameters().unwrap();
     let rank = BaseModel::<f64>::base_info(model).base.len();
     let mut beta = vec![0.0; rank];
@@ -81,6 +84,8 @@ where
 /// Friction at reversals is right up to a part of a sample, which is 6 % of a column in a loop of 3 Hz with
 /// this friction.
 const CLOSE: f64 = 0.03;
+/// Time between samples, s.
+const FINE: f64 = 0.0025;
 
 #[test]
 fn derivatives_include_integrals_offsets_limits_and_what_happened_in_the_lead() {
@@ -90,7 +95,7 @@ fn derivatives_include_integrals_offsets_limits_and_what_happened_in_the_lead() 
         pid: &pid,
         offset: &[4.0, 1.0],
     };
-    let found = worst(&models::arm::Arm, controllers, 0.7);
+    let found = worst(&models::arm::Arm, controllers, 0.7, FINE);
     assert!(found < CLOSE, "{found}");
 }
 
@@ -100,7 +105,7 @@ fn derivatives_include_the_gains_that_follow_the_parameters() {
         bandwidth: 10.0,
         given: &[],
     };
-    let found = worst(&models::arm::Arm, controllers, 0.0);
+    let found = worst(&models::arm::Arm, controllers, 0.0, FINE);
     assert!(found < CLOSE, "{found}");
 }
 
@@ -115,6 +120,21 @@ fn derivatives_include_friction_of_a_joint_that_follows_from_a_loop() {
         pid: &pid,
         offset: &[],
     };
-    let found = worst(&models::picker_passive::PickerPassive, controllers, 0.0);
+    let found = worst(
+        &models::picker_passive::PickerPassive,
+        controllers,
+        0.0,
+        FINE,
+    );
+    assert!(found < CLOSE, "{found}");
+}
+
+#[test]
+fn derivatives_of_a_soft_loop_are_right_with_few_samples() {
+    let controllers = Controllers::Tuned {
+        bandwidth: 3.0,
+        given: &[],
+    };
+    let found = worst(&models::swinging::Swinging, controllers, 0.0, 0.01);
     assert!(found < CLOSE, "{found}");
 }
