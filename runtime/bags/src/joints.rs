@@ -57,9 +57,14 @@ impl Sample {
         let lacks = |name: &str| format!("it has no field `{name}` of the expected type");
         let stamp = message.message("header").and_then(|h| h.message("stamp"));
         let stamp = stamp.ok_or_else(|| lacks("header"))?;
-        let part = |name: &str| stamp.number(name).ok_or_else(|| lacks(name));
-        // whole numbers of at most 32 bits
-        let (seconds, rest) = (part("sec")? as i64, part("nanosec")? as i64);
+        // whole numbers of 32 bits in ROS; the type that a recording describes may be another one
+        let part = |name: &str| {
+            let value = stamp.number(name).ok_or_else(|| lacks(name))?;
+            let is_of_32_bits = value.abs() <= f64::from(u32::MAX);
+            let refused = || format!("the field `{name}` of its stamp is {value}: beyond 32 bits");
+            is_of_32_bits.then_some(value as i64).ok_or_else(refused)
+        };
+        let (seconds, rest) = (part("sec")?, part("nanosec")?);
         let mut out = Self {
             stamp: seconds * 1_000_000_000 + rest,
             ..Self::default()

@@ -22,6 +22,7 @@ pub use error::EstimateError;
 pub use factor::QrFactor;
 pub use noise::{Autoregression, ORDER};
 pub(crate) use products::OuterProducts;
+pub(crate) use residuals::bartlett_stretches;
 pub use residuals::{Autocorrelated, EffortError, Residuals, average_relative_error};
 pub(crate) use row_block::RowBlock;
 pub use scores::{BLOCKS, Blocks, Scores};

@@ -263,6 +263,12 @@ pub fn average_relative_error(exact: &[f64], estimated: &[f64]) -> Result<f64, E
     Ok(errors.sum::<f64>() / exact.len() as f64)
 }
 
+/// The number of independent stretches of a log in a covariance with Bartlett's weights, which is its
+/// degrees of freedom: 1.5 times the number of samples over the bandwidth (Priestley, 1981, table 6.2).
+pub(crate) fn bartlett_stretches(samples: usize, bandwidth: usize) -> f64 {
+    (1.5 * samples as f64 / bandwidth.max(1) as f64).max(1.0)
+}
+
 /// The covariance of estimates whose residuals are correlated in time and across efforts (Newey and
 /// West, 1987), computed in one pass and in memory that does not grow with the log.
 ///

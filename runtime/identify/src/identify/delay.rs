@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::equation_builder::Equations;
 use super::passes::predictions;
-use crate::estimate::{Autocorrelated, EstimateError, QrFactor, RowBlock};
+use crate::estimate::{
+    Autocorrelated, EstimateError, QrFactor, RowBlock, bartlett_stretches, quantile,
+};
 
 /// The delay of one effort.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,6 +18,9 @@ pub struct Delay {
     pub seconds: f64,
     /// The standard deviation of the delay, s; it accounts for the residuals' correlation in time.
     pub sigma: f64,
+    /// The degrees of freedom of Student's distribution with this standard deviation: the number of
+    /// independent stretches of the log that it is computed from.
+    pub degrees_of_freedom: f64,
     /// The delay in slower motion, s, found with half the cutoff, where it contradicts this one: it is
     /// less than half of it, beyond their errors. An effort that is logged late is late at every
     /// frequency. One that only seems so, because a controller answers noise of the measured
@@ -27,16 +32,27 @@ pub struct Delay {
 /// How many standard deviations of both are between two delays that contradict each other.
 const CONTRADICTION_DEVIATIONS: f64 = 2.0;
 
+/// A delay differs from zero if one without it would be as large in one log of two thousand: a log has a
+/// delay of each effort to be mistaken about.
+const LEVEL: f64 = 0.9995;
+
 impl Delay {
-    /// Whether the delay differs from zero by more than three standard deviations, and slower motion
-    /// does not contradict it.
+    /// Whether the delay differs from zero, see [`is_beyond_error`](Self::is_beyond_error), and slower
+    /// motion does not contradict it.
     pub fn is_significant(&self) -> bool {
         self.is_beyond_error() && self.slower.is_none()
     }
 
-    /// Whether the delay differs from zero by more than three standard deviations, as it was found.
+    /// Whether the delay, as it was found, differs from zero by more than chance gives in one of two
+    /// thousand: 3.5 standard deviations if many independent stretches of the log determine it.
     pub fn is_beyond_error(&self) -> bool {
-        self.seconds.abs() > 3.0 * self.sigma
+        self.differs_from(0.0)
+    }
+
+    /// Whether the delay differs from this one (s) by more than chance gives in one of two thousand.
+    pub fn differs_from(&self, seconds: f64) -> bool {
+        let largest = quantile(self.degrees_of_freedom, LEVEL) * self.sigma;
+        (self.seconds - seconds).abs() > largest
     }
 
     /// Compares the delay with that of slower motion.
@@ -59,7 +75,7 @@ pub struct Delays {
 }
 
 impl Delays {
-    /// Whether any delay differs from zero by more than three standard deviations.
+    /// Whether any delay differs from zero.
     pub(super) fn are_beyond_error(&self) -> bool {
         let mut all = self.efforts.iter().chain(&self.common);
         all.any(Delay::is_beyond_error)
@@ -109,6 +125,10 @@ pub(super) struct DelayScores<'a> {
     /// The number of parameters.
     parameters: usize,
     scores: Autocorrelated,
+    /// The number of samples in which the residuals are correlated.
+    bandwidth: usize,
+    /// The number of samples that were pushed.
+    samples: usize,
     score: Vec<f64>,
     fitted: Vec<f64>,
 }
@@ -182,6 +202,8 @@ impl<'a> DelayFit<'a> {
             fit: self.factor,
             parameters: self.window.values.len(),
             scores: Autocorrelated::new(extended.len(), bandwidth),
+            bandwidth,
+            samples: 0,
             score: vec![0.0; extended.len()],
             fitted: Vec::new(),
             extended,
@@ -202,6 +224,7 @@ impl DelayScores<'_> {
         if !found.follows {
             self.scores.interrupt();
         }
+        self.samples += 1;
         self.score.fill(0.0);
         predictions(&found, &self.extended, &mut self.fitted);
         for (e, (tau, own)) in found.tau.iter().zip(found.weights).enumerate() {
@@ -226,6 +249,7 @@ impl DelayScores<'_> {
     pub(super) fn finish(self) -> Delays {
         let n = self.parameters;
         let extended = self.extended;
+        let degrees_of_freedom = bartlett_stretches(self.samples, self.bandwidth);
         let Ok(covariance) = self.scores.covariance(&self.fit) else {
             return Delays::default();
         };
@@ -235,6 +259,7 @@ impl DelayScores<'_> {
             effort: name.clone(),
             seconds: extended[n + e],
             sigma: entry(e, e).max(0.0).sqrt(),
+            degrees_of_freedom,
             slower: None,
         };
         let found: Vec<Delay> = self.names.iter().enumerate().map(one).collect();
@@ -272,6 +297,7 @@ fn common(delays: &[Delay], covariance: &dyn Fn(usize, usize) -> f64) -> Option<
         effort: "all".to_owned(),
         seconds,
         sigma: variance.max(0.0).sqrt() / whole,
+        degrees_of_freedom: delays.first()?.degrees_of_freedom,
         slower: None,
     })
 }

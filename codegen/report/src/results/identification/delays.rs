@@ -32,7 +32,7 @@ pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &
             // the common delay has already been printed
             Some(all) => {
                 let apart = (delay.seconds - all.seconds).abs();
-                apart > MATTERS_S && apart > 3.0 * delay.sigma
+                apart > MATTERS_S && delay.differs_from(all.seconds)
             }
             None => matters(delay),
         };
@@ -108,6 +108,7 @@ mod tests {
                 effort: "all".to_owned(),
                 seconds,
                 sigma: 1e-4,
+                degrees_of_freedom: 50.0,
                 slower: None,
             };
             let found = Delays {
@@ -130,6 +131,7 @@ mod tests {
             effort: "all".to_owned(),
             seconds: -2.1e-3,
             sigma: 1e-4,
+            degrees_of_freedom: 50.0,
             slower: Some(2e-4),
         };
         let text = |common: &Delay| {

@@ -194,8 +194,7 @@ fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
 ///
 /// - `least`, `instrumental`: the parameters by least squares and by instrumental variables;
 /// - `stretches`: the number of independent stretches of the log that the covariance was computed
-///   from: 1.5 times the number of samples over the bandwidth, for Bartlett's weights (Priestley,
-///   1981, table 6.2).
+///   from, see [`bartlett_stretches`](crate::estimate::bartlett_stretches).
 pub(super) fn hausman(
     least: &[f64],
     instrumental: &[f64],

@@ -32,6 +32,7 @@ use super::replay::Replay;
 use super::stream::LeftOut;
 use crate::estimate::{
     Deviations, EffortError, Estimate, EstimateError, Origin, Residuals, Weighting,
+    bartlett_stretches,
 };
 use regen_runtime::BaseModel;
 
@@ -356,7 +357,7 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
         &found.solution.least_squares,
         &found.solution.values,
         &covariance.difference,
-        1.5 * rows as f64 / bandwidth as f64,
+        bartlett_stretches(rows, bandwidth),
     );
     Ok(Instrumental {
         estimate,
