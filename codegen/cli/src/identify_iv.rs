@@ -7,12 +7,12 @@ use regen_experiment::trajectory::FourierReference;
 use regen_identify::data::{FileReport, Run};
 use regen_identify::gains::{GainFit, Plan};
 use regen_identify::identify::Instrumental;
-use regen_report::results::Instruments;
+use regen_report::results::{self, Instruments};
 
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
 use crate::simulate::reason;
-use crate::{identify_simulated, observe, path};
+use crate::{identify_simulated, observe, path, terminal};
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, Session};
 use regen_interpreted::Interpreted;
@@ -31,6 +31,10 @@ pub(crate) fn run(
     let found = instrumental(session, start, &args.logs, reference)?;
     let how = (found.cutoff, found.controller_bandwidth);
     let json = converged(&found.instrumental, how)?;
+    let short = results::too_short(&found.instrumental.deviations);
+    if let Some(text) = short.filter(|_| args.bandwidth.is_none()) {
+        terminal::note(&text);
+    }
     let correlated = found.instrumental.correlation_length();
     Ok((found.model, json, correlated))
 }

@@ -148,6 +148,23 @@ fn every_estimator_is_rehearsed() {
 }
 
 #[test]
+fn didim_along_the_motion_begins_with_it_as_the_simulated_robot_did() {
+    let dir = prepared("rehearse_begins");
+    // the beginning of a loop of 3 Hz is in the log for seconds
+    let soft = "rehearse crane.yaml --trajectory m.json --noise 0,1e-3 --perturb 0.1 --duration 4 --step 0.005 \
+                --bandwidth 3 --estimator didim --reference --seeds 1 --score 0 --format json";
+    for settle in ["0", "0.3"] {
+        let json = run(&dir, &format!("{soft} --settle {settle}"))
+            .ended(0)
+            .json();
+        for row in json["parameters"].as_array().unwrap() {
+            let [rms, truth] = ["rms", "truth"].map(|key| row[key].as_f64().unwrap());
+            assert!(rms < 2e-3 * (1.0 + truth.abs()), "{settle}: {row}");
+        }
+    }
+}
+
+#[test]
 fn a_five_bar_passes_with_every_seed() {
     let dir = scratch("rehearse_loop");
     let spec = root().join("runtime/guide/fivebar/fivebar.yaml");

@@ -58,10 +58,12 @@ pub(super) fn html(report: &Content<'_>) -> String {
         rows.push(("Feasibility", escaped(text)));
     }
     if let Some(gap) = report.file.gap {
-        rows.push((
-            "Optimality gap",
-            format!("the objective is at most {gap:.1e} of itself above the optimum"),
-        ));
+        let words = if gap > 0.0 {
+            format!("the objective is at most {gap:.1e} of itself above the optimum")
+        } else {
+            "none: no constraint is active".to_owned()
+        };
+        rows.push(("Optimality gap", words));
     }
     for errors in &report.errors {
         let title = if errors.used {

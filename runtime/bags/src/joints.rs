@@ -60,9 +60,11 @@ impl Sample {
         // whole numbers of 32 bits in ROS; the type that a recording describes may be another one
         let part = |name: &str| {
             let value = stamp.number(name).ok_or_else(|| lacks(name))?;
-            let is_of_32_bits = value.abs() <= f64::from(u32::MAX);
-            let refused = || format!("the field `{name}` of its stamp is {value}: beyond 32 bits");
-            is_of_32_bits.then_some(value as i64).ok_or_else(refused)
+            let is_whole = value.abs() <= f64::from(u32::MAX) && value.fract() == 0.0;
+            let refused = || {
+                format!("the field `{name}` of its stamp is {value}, no whole number of 32 bits")
+            };
+            is_whole.then_some(value as i64).ok_or_else(refused)
         };
         let (seconds, rest) = (part("sec")?, part("nanosec")?);
         let mut out = Self {

@@ -157,7 +157,8 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
         return Err(LoopError::TooFew);
     };
     let step = (last - first) / (times.len() - 1) as f64;
-    let early = (closed_loop.lead / step).ceil();
+    // the step is that of rounded times: a lead of whole steps must not begin one step earlier
+    let early = (closed_loop.lead / step - WHOLE_STEPS).ceil().max(0.0);
     let begin = first - early * step;
     let dof = info.dof();
     let mut start = vec![0.0; dof];
@@ -240,6 +241,8 @@ pub fn motion<M: Model<f64> + ?Sized>(
     Ok(out)
 }
 
+/// A lead that exceeds a whole number of steps by less than this part of one is that number of steps.
+const WHOLE_STEPS: f64 = 1e-6;
 /// The range in which the bandwidth of a robot's controllers is searched, Hz; its upper end is at
 /// most a tenth of the rate of the samples.
 const BANDWIDTHS_HZ: [f64; 2] = [0.5, 100.0];

@@ -167,7 +167,14 @@ where
     let h = run.step;
     for ((q0, q1), (v0, v1)) in ends(&run.log.q, plant.n).zip(ends(&run.log.qd, plant.n)) {
         q.push(f64::midpoint(q0, q1) - 0.125 * h * (v1 - v0));
-        qd.push(1.5 * (q1 - q0) / h - 0.25 * (v0 + v1));
+        let v = 1.5 * (q1 - q0) / h - 0.25 * (v0 + v1);
+        // where a joint stops between the samples, the cubic may turn back though the joint does not
+        let turns_twice = v * v0 < 0.0 && v * v1 < 0.0;
+        qd.push(if turns_twice {
+            f64::midpoint(v0, v1)
+        } else {
+            v
+        });
         qdd.push((v1 - v0) / h);
     }
     let efforts = ends(&run.log.effort, plant.actuated.len());

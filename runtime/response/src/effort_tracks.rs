@@ -9,7 +9,8 @@ use crate::didim::EffortRun;
 use crate::logs::{Commanded, TrackError, efforts};
 
 /// The motion that a robot was commanded, on the time axis of the logs, and the time for which it is
-/// simulated before the first row (s): a period, if the robot repeated the motion.
+/// simulated before the first row (s): a period, if the robot repeated the motion, or the time since it
+/// began.
 pub type KnownReference<'a> = (&'a (dyn Reference + Sync), f64);
 
 /// The efforts of several tracks, and the motion that was commanded in each.

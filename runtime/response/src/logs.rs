@@ -115,7 +115,8 @@ impl Run {
 
 /// The motion of the independent coordinates that the commands of a track require. At any time the
 /// positions are those of the nearest row, and accelerations are 0. Velocities are those of the quartic
-/// through five rows, and central differences where the commands are not smooth or their times not even.
+/// through five rows, and central differences (one-sided ones at the ends) where the commands are not
+/// smooth or their times not even.
 ///
 /// Simulations begin with the velocity of the first row. One that is off by a forward difference's error
 /// (0.005 rad/s in the wrist of an arm) moves a loop of 3 Hz for several seconds.
@@ -139,6 +140,8 @@ impl Run {
 /// for t in [0.0, 0.01, 0.25, 0.49] {
 ///     assert!((velocity(&|t| (3.0 * t).cos(), t) + 3.0 * (3.0 * t).sin()).abs() < 1e-5);
 /// }
+/// // at the first row, with a third derivative that changes its sign two rows later
+/// assert!((velocity(&|t| (3.0 * (t - 0.02)).cos(), 0.0) - 3.0 * 0.06_f64.sin()).abs() < 1e-5);
 /// // a step, seen from its first row, and a step in the middle
 /// assert_eq!(velocity(&|t| if t > 0.0 { 1.0 } else { 0.0 }, 0.0), 1.0 / 0.01);
 /// assert!((velocity(&|t| if t > 0.245 { 1.0 } else { 0.0 }, 0.25) - 0.5 / 0.01).abs() < 1e-9);
@@ -212,8 +215,11 @@ impl Reference for Commanded {
 /// part of the sum of their sizes; those around steps, beginning ramps and rounded positions have
 /// different signs.
 const MAX_CHANGE_OF_THIRD_DIFFERENCE: f64 = 0.5;
+/// They change smoothly too if the third differences are at most this part of the second ones, as where
+/// the third derivative is zero.
+const MAX_PART_OF_SECOND_DIFFERENCE: f64 = 0.1;
 /// The largest deviation of rows from even times, as a part of the time between them.
-const MAX_UNEVENNESS: f64 = 1e-3;
+const MAX_UNEVENNESS: f64 = 1e-2;
 /// Twelve times the derivatives of the quartic through five values, at each of these.
 const QUARTIC: [[f64; 5]; 5] = [
     [-25.0, 48.0, -36.0, 16.0, -3.0],
@@ -245,10 +251,16 @@ impl Commanded {
         let is_even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() <= MAX_UNEVENNESS * step;
         let values: Option<Vec<f64>> = rows.map(|row| self.position(row, coordinate)).collect();
         let values = values?;
-        let third = |x: &[f64]| x[3] - x[0] - 3.0 * (x[2] - x[1]);
-        let (before, after) = (third(&values[..4]), third(&values[1..]));
-        let is_smooth =
-            (after - before).abs() <= MAX_CHANGE_OF_THIRD_DIFFERENCE * (before.abs() + after.abs());
+        let second: Vec<f64> = values
+            .windows(3)
+            .map(|x| x[2] - 2.0 * x[1] + x[0])
+            .collect();
+        let (before, after) = (second[1] - second[0], second[2] - second[1]);
+        let sizes = before.abs() + after.abs();
+        let changes_evenly = (after - before).abs() <= MAX_CHANGE_OF_THIRD_DIFFERENCE * sizes;
+        let mean = second.iter().sum::<f64>().abs() / 3.0;
+        let hardly_changes = sizes <= MAX_PART_OF_SECOND_DIFFERENCE * mean;
+        let is_smooth = changes_evenly || hardly_changes;
         if step <= 0.0 || !is_smooth || !times.windows(2).all(is_even) {
             return None;
         }
@@ -261,7 +273,13 @@ impl Commanded {
         let last = (row + 1).min(self.times.len().saturating_sub(1));
         let at = |row: usize| Some((self.position(row, coordinate)?, *self.times.get(row)?));
         let ends = at(row.saturating_sub(1)).zip(at(last));
-        let slope = ends.map(|((a, from), (b, to))| (b - a) / (to - from));
-        slope.filter(|slope| slope.is_finite()).unwrap_or(0.0)
+        let slope = |((a, from), (b, to)): ((f64, f64), (f64, f64))| {
+            if to > from {
+                (b - a) / (to - from)
+            } else {
+                0.0
+            }
+        };
+        ends.map_or(0.0, slope)
     }
 }

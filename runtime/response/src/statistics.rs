@@ -1,7 +1,7 @@
 //! Standard deviations of the shared unknowns, from residuals that are correlated in time.
 
 use regen_identify::estimate::{
-    Autoregression, Deviations, EffortError, Estimate, ORDER, QrFactor, Residuals, Scores,
+    Deviations, EffortError, Estimate, ORDER, QrFactor, Residuals, Scores,
 };
 use regen_runtime::BaseModel;
 
@@ -66,11 +66,7 @@ where
                 noise.push_used(&sample.psi, &zeros, &sample.used)?;
             }
         }
-        let noise = noise.efforts();
-        let fits = noise
-            .iter()
-            .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples));
-        let fits: Vec<Autoregression> = fits.collect();
+        let fits = noise.autoregressions();
         let kept = open.kept.len();
         let mut scores = Scores::new(kept, &fits);
         let slopes = vec![1.0; names.len()];

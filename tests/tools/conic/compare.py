@@ -14,7 +14,8 @@ objective over semidefinite cones, in other variables than ours and by another m
 of every answer are also checked with eigenvalues by numpy.
 
 Our objective must be at most 1e-5 above theirs, our gap must be a true bound, and no verdict may be
-wrong. A problem of which the fit itself says that it is not proven is counted as `no_proof`.
+wrong. A problem of which the fit itself says that it is not proven is counted as `no_proof`;
+at most one in a hundred may be.
 """
 
 import json
@@ -24,6 +25,7 @@ import clarabel
 import numpy as np
 import scipy.sparse as sp
 
+MOST_UNPROVEN = 0.01
 UPPER = [(r, c) for c in range(4) for r in range(c + 1)]
 
 
@@ -281,7 +283,8 @@ def main():
     print(*(f"{name} {count}" for name, count in counts.items()), sep=", ")
     print(f"ours above theirs by at most {worst:.1e}; widest gap {widest:.1e}")
     bad = "worse above_gap misses refused_wrongly wrong_verdicts".split()
-    sys.exit(any(counts[name] for name in bad))
+    many = counts["no_proof"] > MOST_UNPROVEN * counts["problems"]
+    sys.exit(many or any(counts[name] for name in bad))
 
 
 main()

@@ -117,7 +117,8 @@ pub(crate) struct IdentifyArgs {
     /// Residuals beyond K standard deviations count linearly (Huber); 1.345 is usual
     #[arg(long, value_name = "K")]
     pub(crate) huber: Option<f64>,
-    /// The number of samples over which residuals are correlated [default: estimated]
+    /// Newey and West's deviations, with this number of samples over which residuals are correlated
+    /// [default: from cosines of whitened scores]
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) bandwidth: Option<usize>,
     /// The level of the confidence intervals

@@ -204,7 +204,7 @@ class IdentifyOptions(TypedDict, total=False):
 
     #: Logs to predict with every model, and to cross-validate --reduce with
     against: Values | None
-    #: The number of samples over which residuals are correlated [default: estimated]
+    #: Newey and West's deviations, with this number of samples over which residuals are correlated [default: from cosines of whitened scores]
     bandwidth: Value | None
     #: Write the spec with the physical values in `bodies:` and in the joints' `nominal:`; the rest of its text stays
     bodies: Value | None

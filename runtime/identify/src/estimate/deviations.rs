@@ -51,20 +51,13 @@ impl Deviations {
     /// in time is not known.
     pub fn white(estimate: &Estimate) -> Self {
         let n = estimate.values.len();
-        let root = cholesky(&estimate.covariance, n).unwrap_or_else(|| {
-            let mut diagonal = vec![0.0; n * n];
-            for k in 0..n {
-                diagonal[k * n + k] = estimate.sigma(k);
-            }
-            diagonal
-        });
         Self {
             covariance: estimate.covariance.clone(),
             degrees_of_freedom: estimate.parameter_degrees_of_freedom.clone(),
             terms: estimate.degrees_of_freedom,
             samples: estimate.degrees_of_freedom + n,
             memory: 1.0,
-            root,
+            root: root_of(&estimate.covariance, n),
         }
     }
 
@@ -85,9 +78,11 @@ impl Deviations {
 
     /// The same with another covariance, with the same degrees of freedom for all parameters.
     #[must_use]
-    pub fn with_covariance(&self, covariance: Vec<f64>, degrees_of_freedom: usize) -> Self {
+    pub fn with_covariance(&self, covariance: Vec<f64>, degrees_of_freedom: f64) -> Self {
+        let n = self.degrees_of_freedom.len();
         Self {
-            degrees_of_freedom: vec![degrees_of_freedom as f64; self.degrees_of_freedom.len()],
+            degrees_of_freedom: vec![degrees_of_freedom; n],
+            root: root_of(&covariance, n),
             covariance,
             ..self.clone()
         }
@@ -245,7 +240,8 @@ impl Blocks {
     /// parameters of these scores.
     ///
     /// - `inverse`: `(Z^T W)^-1`, n x n, row by row, of the weighted instruments and regressor;
-    /// - `has_too_few_rows`: whether there are not more equations than parameters.
+    /// - `has_too_few_rows`: whether there are so few equations, less than three for two
+    ///   parameters, that their residuals do not show the noise.
     ///
     /// # Errors
     /// When the size does not fit.
@@ -345,6 +341,17 @@ impl Blocks {
             root,
         })
     }
+}
+
+/// A Cholesky factor of a covariance, n x n; without correlations where it has none.
+fn root_of(covariance: &[f64], n: usize) -> Vec<f64> {
+    cholesky(covariance, n).unwrap_or_else(|| {
+        let mut diagonal = vec![0.0; n * n];
+        for k in 0..n {
+            diagonal[k * n + k] = covariance[k * n + k].sqrt();
+        }
+        diagonal
+    })
 }
 
 /// The matrix by which the sum of the scores gives the error of the estimate.

@@ -9,7 +9,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::factor::size;
 use super::products::OuterProducts;
 use super::solution::inverse_gram;
-use super::{EstimateError, QrFactor};
+use super::{Autoregression, EstimateError, QrFactor};
 
 /// How well one effort is predicted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -188,6 +188,15 @@ impl Residuals {
             }
         }
         Ok(())
+    }
+
+    /// The models of each effort's noise: its residuals as an autoregression. For up to
+    /// [`ORDER`](super::ORDER) coefficients there must be as many lags.
+    pub fn autoregressions(&self) -> Vec<Autoregression> {
+        let efforts = self.efforts();
+        let fit =
+            |e: &EffortError| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples);
+        efforts.iter().map(fit).collect()
     }
 
     /// The errors of each effort.

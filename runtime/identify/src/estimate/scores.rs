@@ -13,14 +13,14 @@ use super::{Autoregression, EstimateError, QrFactor};
 /// The largest number of blocks of time; when there would be more, neighbours are merged.
 pub const BLOCKS: usize = 128;
 
-/// The sums over one block; its n x n matrices are column-major.
+/// The sums over one block; its n x n matrices are row by row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Block {
     /// The number of samples.
     pub(super) samples: usize,
     /// The sum of the scores: `sum g eps`, n entries.
     pub(super) score: Vec<f64>,
-    /// The derivative of the sum by the parameters: `-sum g v^T`, entry (i, j) of g_i and v_j.
+    /// The derivative of the sum by the parameters, negated: `sum g v^T`, entry (i, j) of g_i and v_j.
     pub(super) slope: Vec<f64>,
     /// The variance of the sum if the noise has the autocorrelation of the residuals:
     /// `sum s^2 g g^T`, lower half.
@@ -249,7 +249,7 @@ impl Scores {
     ///
     /// # Errors
     /// When a length does not fit.
-    pub fn push_with_instruments(
+    pub(crate) fn push_with_instruments(
         &mut self,
         (z, w): (&[f64], &[f64]),
         weights: &[f64],

@@ -5,9 +5,7 @@ use super::columns::{Behind, FrictionColumns};
 use super::data::Rows;
 use super::fit::FrictionFit;
 use super::values::symbols;
-use crate::estimate::{
-    Autoregression, Deviations, EstimateError, ORDER, QrFactor, Residuals, Scores,
-};
+use crate::estimate::{Deviations, EstimateError, ORDER, QrFactor, Residuals, Scores};
 use crate::feasibility::{BaseMap, Bound, FeasibilityError, Options, ParameterLayout};
 use crate::intervals::{Draws, LeastSquares, Spread, determined, replicate};
 use regen_runtime::friction::SHAPES;
@@ -262,11 +260,7 @@ impl LinearisedFit<'_> {
             let used: Vec<bool> = used.iter().map(|x| *x > 0.0).collect();
             residuals.push_used(left, &none, &used)
         })?;
-        let noise: Vec<Autoregression> = residuals
-            .efforts()
-            .iter()
-            .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples))
-            .collect();
+        let noise = residuals.autoregressions();
         let mut scores = Scores::new(self.kept.len(), &noise);
         let ones = vec![1.0; dof];
         self.visit(&mut |rows, w, left, used| {

@@ -244,11 +244,8 @@ impl Solved<'_> {
             errors.push_used(&si(sample.measured), &si(&fitted), &used)?;
             noise.push_used(&psi, &zeros, &used)
         })?;
-        let noise = noise.efforts();
-        let fits = noise
-            .iter()
-            .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples));
-        Ok((errors, fits.collect()))
+        let fits = noise.autoregressions();
+        Ok((errors, fits))
     }
 
     /// The weighted residuals of a sample, bounded by Huber's weight, and the derivatives of these by

@@ -34,7 +34,10 @@ const CONTRADICTION_DEVIATIONS: f64 = 2.0;
 
 /// A delay differs from zero if one without it would be as large in one log of two thousand: a log has a
 /// delay of each effort to be mistaken about.
-const LEVEL: f64 = 0.9995;
+const STATED_LEVEL: f64 = 0.9995;
+/// The number of standard deviations from which on a delay is corrected where that is asked for. Who asks
+/// expects one, so that the degrees of freedom of a short log do not count.
+const CORRECTED_DEVIATIONS: f64 = 3.0;
 
 impl Delay {
     /// Whether the delay differs from zero, see [`is_beyond_error`](Self::is_beyond_error), and slower
@@ -51,8 +54,18 @@ impl Delay {
 
     /// Whether the delay differs from this one (s) by more than chance gives in one of two thousand.
     pub fn differs_from(&self, seconds: f64) -> bool {
-        let largest = quantile(self.degrees_of_freedom, LEVEL) * self.sigma;
+        let largest = quantile(self.degrees_of_freedom, STATED_LEVEL) * self.sigma;
         (self.seconds - seconds).abs() > largest
+    }
+
+    /// Whether the delay is corrected where that is asked for: it is beyond three standard deviations, and
+    /// slower motion does not contradict it.
+    pub fn is_worth_correcting(&self) -> bool {
+        self.may_be_more_than_chance() && self.slower.is_none()
+    }
+
+    fn may_be_more_than_chance(&self) -> bool {
+        self.seconds.abs() > CORRECTED_DEVIATIONS * self.sigma
     }
 
     /// Compares the delay with that of slower motion.
@@ -61,7 +74,7 @@ impl Delay {
         let (all, left) = (self.seconds.abs(), slower.seconds * side);
         let error = self.sigma.hypot(slower.sigma);
         let contradicts = left < 0.5 * all && all - left > CONTRADICTION_DEVIATIONS * error;
-        self.slower = (self.is_beyond_error() && contradicts).then_some(slower.seconds);
+        self.slower = (self.may_be_more_than_chance() && contradicts).then_some(slower.seconds);
     }
 }
 
@@ -75,10 +88,10 @@ pub struct Delays {
 }
 
 impl Delays {
-    /// Whether any delay differs from zero.
-    pub(super) fn are_beyond_error(&self) -> bool {
+    /// Whether any delay may be more than chance.
+    pub(super) fn may_be_more_than_chance(&self) -> bool {
         let mut all = self.efforts.iter().chain(&self.common);
-        all.any(Delay::is_beyond_error)
+        all.any(Delay::may_be_more_than_chance)
     }
 
     /// Compares each delay with that of slower motion. Where the common one is contradicted, so is every
@@ -95,7 +108,7 @@ impl Delays {
                 own.compare(other);
                 let side = own.seconds.signum();
                 let shrinks = side * other.seconds < own.seconds.abs();
-                if own.is_significant() && shrinks && doubted == Some(side) {
+                if own.is_worth_correcting() && shrinks && doubted == Some(side) {
                     own.slower = Some(other.seconds);
                 }
             }
@@ -127,7 +140,7 @@ pub(super) struct DelayScores<'a> {
     scores: Autocorrelated,
     /// The number of samples in which the residuals are correlated.
     bandwidth: usize,
-    /// The number of samples that were pushed.
+    /// The number of samples with an equation that is used.
     samples: usize,
     score: Vec<f64>,
     fitted: Vec<f64>,
@@ -224,7 +237,7 @@ impl DelayScores<'_> {
         if !found.follows {
             self.scores.interrupt();
         }
-        self.samples += 1;
+        self.samples += usize::from(found.weights.iter().any(|weight| *weight > 0.0));
         self.score.fill(0.0);
         predictions(&found, &self.extended, &mut self.fitted);
         for (e, (tau, own)) in found.tau.iter().zip(found.weights).enumerate() {
@@ -394,5 +407,27 @@ impl BufferedEquations {
             own.extend_from_slice(given);
         }
         predictions(found, values, &mut self.predicted);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_independent_stretches_of_a_log_need_a_larger_delay_to_tell_it_from_chance() {
+        let is_stated = |deviations: f64, degrees_of_freedom: f64| {
+            let delay = Delay {
+                effort: "q1".to_owned(),
+                seconds: -1e-4 * deviations,
+                sigma: 1e-4,
+                degrees_of_freedom,
+                slower: None,
+            };
+            delay.is_significant()
+        };
+        // quantiles of Student's distribution: 7.98 for 5 degrees of freedom, 3.49 for 1000
+        assert!(!is_stated(7.9, 5.0) && is_stated(8.0, 5.0));
+        assert!(!is_stated(3.4, 1000.0) && is_stated(3.6, 1000.0));
     }
 }

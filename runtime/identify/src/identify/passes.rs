@@ -14,7 +14,7 @@ use super::stream::{Columns, LeftOut, equations};
 use crate::estimate::huber as loss;
 use crate::estimate::{
     Accumulator, Blocks, Deviations, EffortError, Estimate, EstimateError, FactorSet, QrFactor,
-    Residuals, Weighting,
+    Residuals, Weighting, bartlett_stretches,
 };
 use regen_runtime::BaseModel;
 
@@ -421,7 +421,7 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     )?;
     let step = delays.as_ref().map_or(0.0, DelayScores::step);
     let mut delays = delays.map_or_else(Delays::default, DelayScores::finish);
-    if delays.are_beyond_error() {
+    if delays.may_be_more_than_chance() {
         let solved = (&estimate, names.as_slice(), weights.as_slice());
         if let Some(slower) = delays_of_slower_motion(replay, solved, bandwidth, step) {
             delays.compare(&slower);
@@ -443,7 +443,9 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         let covariance = covariance
             .iter()
             .map(|c| c / (fraction_within_bound * fraction_within_bound));
-        deviations = deviations.with_covariance(covariance.collect(), estimate.degrees_of_freedom);
+        let freedom = bartlett_stretches(rows, bandwidth);
+        let freedom = freedom.min(estimate.degrees_of_freedom as f64);
+        deviations = deviations.with_covariance(covariance.collect(), freedom);
     }
     if options.huber.is_some() {
         estimate.covariance = psi_sums.covariance(&effort_weighted)?;

@@ -40,11 +40,8 @@ pub(super) fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         errors.push_used(equations.tau, &weighted.fitted, &weighted.used)?;
         noise.push_used(&weighted.psi, &zeros, &weighted.used)
     })?;
-    let noise = noise.efforts();
-    let fits = noise
-        .iter()
-        .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples));
-    Ok((errors, fits.collect()))
+    let fits = noise.autoregressions();
+    Ok((errors, fits))
 }
 
 /// The weighted and bounded residuals of one sample, from which scores are computed. The lists have

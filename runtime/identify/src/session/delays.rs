@@ -30,12 +30,12 @@ impl Search {
     /// Takes what one round found at the tried delay; whether another delay is to be tried.
     ///
     /// - `correction`: the delay that is left, s, with its standard deviation;
-    /// - `is_significant`: whether it differs from zero.
+    /// - `is_worth_it`: whether it is to be corrected.
     fn advance(
         &mut self,
         residual: f64,
         (correction, sigma): (f64, f64),
-        is_significant: bool,
+        is_worth_it: bool,
     ) -> bool {
         if residual > self.first * (1.0 + SLACK) {
             self.tried = 0.5 * (self.tried + self.best);
@@ -46,7 +46,7 @@ impl Search {
             return true;
         }
         self.best = self.tried;
-        if self.is_done || !is_significant {
+        if self.is_done || !is_worth_it {
             return false;
         }
         self.tried += correction;
@@ -55,11 +55,11 @@ impl Search {
 }
 
 /// Estimates the delays of efforts in logs; returns names of efforts and delays in s. To the delays
-/// in the session's settings, those are added that differ from zero by more than three standard
-/// deviations. As the estimate of a delay is of first order, it is repeated with corrected efforts
-/// until no further delay is significant. Corrections that leave the residuals of an effort larger than
-/// without any are taken back by half until they do not: of efforts that the model hardly explains,
-/// first order overshoots.
+/// in the session's settings, those are added that are beyond three standard deviations, see
+/// [`Delay::is_worth_correcting`](crate::identify::Delay::is_worth_correcting). As the estimate of a delay
+/// is of first order, it is repeated with corrected efforts until none is left. Corrections that leave
+/// the residuals of an effort larger than without any are taken back by half until they do not: of
+/// efforts that the model hardly explains, first order overshoots.
 ///
 /// # Errors
 /// [`SessionError::DelaysFromEnergyBalance`] for energy balances; when a log cannot be read.
@@ -107,7 +107,7 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
             });
             let left = (delay.seconds, delay.sigma);
             if let Some(own) = searches.get_mut(place) {
-                moves |= own.advance(residual, left, delay.is_significant());
+                moves |= own.advance(residual, left, delay.is_worth_correcting());
             }
         }
         if !moves {
@@ -152,8 +152,8 @@ mod tests {
         };
         for _ in 0..MAX_ROUNDS {
             let left = correction(search.tried);
-            let is_significant = left.abs() > 3e-4;
-            if !search.advance(residual(search.tried), (left, 1e-4), is_significant) {
+            let is_worth_it = left.abs() > 3e-4;
+            if !search.advance(residual(search.tried), (left, 1e-4), is_worth_it) {
                 break;
             }
         }

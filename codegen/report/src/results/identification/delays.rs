@@ -4,8 +4,8 @@ use regen_codegen::explain::lines::field;
 use regen_identify::identify::{Delay, Delays};
 use regen_identify::text::figure;
 
-/// Lines on delays: those that were corrected, and those that differ from zero by more than three
-/// of their standard deviations. One that slower motion contradicts is not stated, but the first such
+/// Lines on delays: those that were corrected, and those that differ from zero by more than chance
+/// explains. One that slower motion contradicts is not stated, but the first such
 /// one is named with the reason. Efforts that seem to be early may be those of a controller that
 /// answers the noise of measured positions: they are correlated with noise that came before.
 ///

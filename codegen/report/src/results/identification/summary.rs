@@ -40,7 +40,8 @@ pub struct Summary {
     pub efforts: Vec<EffortSummary>,
     /// eps_RA of the adopted model in percent; `None` without logs.
     pub relative_absolute: Option<f64>,
-    /// The lag in samples up to which residuals count as correlated; `None` without logs.
+    /// The number of consecutive samples that carry the information of one independent sample, or the
+    /// bandwidth that was given; `None` without logs.
     #[serde(rename = "bandwidth")]
     pub correlation_length: Option<usize>,
     /// The number of samples left out because their states are singular.

@@ -87,11 +87,7 @@ fn noise<E: InstrumentedEquations>(
         weighted.compute(rows, round);
         noise.push_used(&weighted.psi, &zeros, &weighted.used)
     })?;
-    let efforts = noise.efforts();
-    let fits = efforts
-        .iter()
-        .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples));
-    Ok(fits.collect())
+    Ok(noise.autoregressions())
 }
 
 /// The weighted residuals of one sample, one for each effort.
@@ -115,5 +111,88 @@ impl Weighted {
                 .push(weight * (tau - predicted(rows, e, &round.solution.values)));
             self.used.push(*own > 0.0);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::estimate::{EstimateError, Origin};
+    use crate::identify::instruments::instrumental_of;
+    use crate::identify::{InstrumentOptions, Instrumental};
+
+    /// Equations of one effort and two unknowns: rows of W, rows of Z, right-hand sides.
+    struct Rows(Vec<([f64; 2], [f64; 2], f64)>);
+
+    impl InstrumentedEquations for Rows {
+        type Error = EstimateError;
+
+        fn origin(&self) -> Origin {
+            Origin {
+                robot: String::new(),
+                model: String::new(),
+                kind: "forces".to_owned(),
+                efforts: vec!["q1".to_owned()],
+                labels: vec!["a".to_owned(), "b".to_owned()],
+            }
+        }
+
+        fn renew(&mut self, _: &[f64]) -> Result<bool, EstimateError> {
+            Ok(false)
+        }
+
+        fn linearise(&mut self, _: &[f64]) -> bool {
+            false
+        }
+
+        fn visit(
+            &mut self,
+            each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
+        ) -> Result<(), EstimateError> {
+            for (k, (w, z, tau)) in self.0.iter().enumerate() {
+                each(&Equations {
+                    time: k as f64,
+                    w: &[w[0], w[1], z[0], z[1]],
+                    tau: &[*tau],
+                    weights: &[1.0],
+                    follows: k > 0,
+                })?;
+            }
+            Ok(())
+        }
+    }
+
+    /// An estimate with instruments `Z A`.
+    fn with(a: [[f64; 2]; 2]) -> Instrumental {
+        let wave = |k: usize, w: f64| libm::sin(w * k as f64);
+        let row = |k: usize| {
+            let own = [wave(k, 0.05), wave(k, 0.083) + 0.4 * wave(k, 0.05)];
+            let z = [own[0] + 0.3 * wave(k, 0.31), own[1] - 0.2 * wave(k, 0.47)];
+            let noise = 0.1 * (wave(k, 12.9898) + wave(k, 4.1414) + wave(k, 0.7));
+            let z = [0, 1].map(|j| z[0] * a[0][j] + z[1] * a[1][j]);
+            (own, z, 2.0 * own[0] - own[1] + noise)
+        };
+        let mut rows = Rows((0..600).map(row).collect());
+        instrumental_of(&mut rows, &InstrumentOptions::default(), &[2.0, -1.0], None).unwrap()
+    }
+
+    #[test]
+    fn combinations_of_the_instruments_give_the_same_estimate_and_deviations() {
+        let plain = with([[1.0, 0.0], [0.0, 1.0]]);
+        let mixed = with([[1.0, 3.0], [-0.5, 0.8]]);
+        let same = |a: &[f64], b: &[f64]| {
+            let size = a.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            assert!(size > 0.0 && a.len() == b.len());
+            for (x, y) in a.iter().zip(b) {
+                assert!((x - y).abs() < 1e-8 * size, "{a:?} {b:?}");
+            }
+        };
+        same(&plain.estimate.values, &mixed.estimate.values);
+        same(&plain.estimate.covariance, &mixed.estimate.covariance);
+        same(&plain.deviations.covariance, &mixed.deviations.covariance);
+        let freedom = [&plain, &mixed].map(|found| &found.deviations.degrees_of_freedom);
+        same(freedom[0], freedom[1]);
     }
 }

@@ -350,7 +350,8 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
     }
     let estimate = estimate.with_covariance(white)?;
     if options.hac_bandwidth.is_some() {
-        let freedom = estimate.degrees_of_freedom;
+        let freedom = bartlett_stretches(rows, bandwidth);
+        let freedom = freedom.min(estimate.degrees_of_freedom as f64);
         deviations = deviations.with_covariance(covariance.instrumental, freedom);
     }
     let test = hausman(
