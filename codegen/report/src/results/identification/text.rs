@@ -266,7 +266,8 @@ fn least_squares(file: &ParameterFile) -> String {
                 row.unit.clone(),
                 deviation(row.sigma),
                 if moved.is_finite() {
-                    format!("{moved:.1}")
+                    // the sum of 0 and a rounded -0 has no sign
+                    format!("{:.1}", (10.0 * moved).round() / 10.0 + 0.0)
                 } else {
                     "-".to_owned()
                 },
