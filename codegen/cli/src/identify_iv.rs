@@ -24,10 +24,8 @@ pub(crate) fn run(
     start: &LeastSquaresStart,
 ) -> Result<(IdentifiedModel, Instruments, usize), Failure> {
     observe::require_consistent(&args.reading)?;
-    let reference = reference(args, session)?;
-    let reference = reference
-        .as_ref()
-        .map(|(path, gains)| (path, gains.as_slice()));
+    let own = reference(args, session)?;
+    let reference = own.as_ref().map(|(path, gains)| (path, gains.as_slice()));
     let found = instrumental(session, start, &args.logs, reference)?;
     let how = (found.cutoff, found.controller_bandwidth);
     let json = converged(&found.instrumental, how)?;
@@ -46,10 +44,8 @@ pub(crate) fn with_gains(
     plan: &Plan,
     runs: &[(Run, Option<usize>)],
 ) -> Result<(GainFit, Instruments, Vec<FileReport>), Failure> {
-    let reference = reference(args, session)?;
-    let reference = reference
-        .as_ref()
-        .map(|(path, gains)| (path, gains.as_slice()));
+    let own = reference(args, session)?;
+    let reference = own.as_ref().map(|(path, gains)| (path, gains.as_slice()));
     let all = instrumental_with_gains(session, plan, runs, reference)?;
     let how = (all.cutoff, all.controller_bandwidth);
     let json = converged(&all.found.instrumental, how)?;
