@@ -5,8 +5,9 @@ use regen_experiment::simulate::Reference;
 use regen_identify::data::Track;
 use regen_runtime::Model;
 
+use crate::commanded::Commanded;
 use crate::didim::EffortRun;
-use crate::logs::{Commanded, TrackError, efforts};
+use crate::logs::{TrackError, efforts};
 
 /// The motion that a robot was commanded, on the time axis of the logs, and the time for which it is
 /// simulated before the first row (s): a period, if the robot repeated the motion, or the time since it

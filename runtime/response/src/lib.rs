@@ -17,6 +17,7 @@
     reason = "q_i and qdd_i are formulas, written as in the equations"
 )]
 
+mod commanded;
 mod control;
 mod departure;
 mod didim;
@@ -42,6 +43,7 @@ mod threads;
 mod track_controllers;
 mod window;
 
+pub use commanded::Commanded;
 pub use departure::{Departure, departures, motion_distance};
 pub use didim::{Didim, DidimError, DidimOptions, EffortRun, didim};
 pub use effort_tracks::{EffortTracks, KnownReference};
@@ -49,7 +51,7 @@ pub use error::ResponseError;
 pub use files::{ControllerError, controllers};
 pub use fit::{Estimated, ResponseFit, fit_responses};
 pub use loaded_didim::{LoadedDidim, didim_with_gains};
-pub use logs::{Commanded, TrackError, efforts};
+pub use logs::{TrackError, efforts};
 pub use rank::Direction;
 pub use setup::{Action, Damping, Law, Run, Setup, SignalKind, SignalModel, Value};
 pub use simulated_loops::SimulatedLoops;
