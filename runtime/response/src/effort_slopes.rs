@@ -53,7 +53,8 @@ where
     let mut before: Option<Vec<f64>> = None;
     let mut commanded: Option<Vec<Sensitive>> = None;
     let samples = run.log.t.len();
-    let mut here = place(plant, model, run, 0, beta)?;
+    let size = (n, a);
+    let mut here = place(plant, model, (run, 0), &at_sample(run, size, 0), beta)?;
     for sample in 0..samples {
         let of_sample = |values: &[f64], width: usize, k: usize| {
             values.get(sample * width + k).copied().unwrap_or(0.0)
@@ -96,8 +97,10 @@ where
         if sample + 1 == samples {
             break;
         }
-        let next = place(plant, model, run, sample + 1, beta)?;
-        let middle = middle(plant, model, run, sample, beta)?;
+        let motion = at_sample(run, size, sample + 1);
+        let next = place(plant, model, (run, sample + 1), &motion, beta)?;
+        let motion = after_sample(run, size, sample);
+        let middle = place(plant, model, (run, sample), &motion, beta)?;
         let efforts = DMatrix::from_fn(a, unknowns, |k, unknown| {
             let rates = controllers.get(k).map(|c| &c.effort.rates);
             rates.and_then(|r| r.get(unknown)).copied().unwrap_or(0.0)
@@ -128,44 +131,25 @@ fn not_linearised(run: &LoopRun, sample: usize, why: &'static str) -> DidimError
     }
 }
 
-/// The equations at a sample.
-fn place<M, D>(
-    plant: &Plant<'_, M, D>,
-    model: &M,
-    run: &LoopRun,
-    sample: usize,
-    beta: &[f64],
-) -> Result<Place, DidimError>
-where
-    M: BaseModel<f64> + ?Sized,
-    D: BaseModel<Number> + ?Sized,
-{
-    let [q, qd, qdd] = [&run.log.q, &run.log.qd, &run.log.qdd].map(|all| row(all, plant.n, sample));
-    let efforts = row(&run.log.effort, plant.actuated.len(), sample);
-    place_at(plant, model, [&q, &qd, &qdd, &efforts], beta)?
-        .ok_or_else(|| not_linearised(run, sample, "the loops cannot be kept closed"))
+/// Positions, velocities and accelerations of all n coordinates, and the efforts of the a actuated joints.
+type Motion = [Vec<f64>; 4];
+
+/// The motion at a sample.
+fn at_sample(run: &LoopRun, (n, a): (usize, usize), sample: usize) -> Motion {
+    let [q, qd, qdd] = [&run.log.q, &run.log.qd, &run.log.qdd].map(|all| row(all, n, sample));
+    [q, qd, qdd, row(&run.log.effort, a, sample)]
 }
 
-/// The equations in the middle between a sample and the next one, on the cubic through positions and
+/// The motion in the middle between a sample and the next one, on the cubic through positions and
 /// velocities of both.
-fn middle<M, D>(
-    plant: &Plant<'_, M, D>,
-    model: &M,
-    run: &LoopRun,
-    sample: usize,
-    beta: &[f64],
-) -> Result<Place, DidimError>
-where
-    M: BaseModel<f64> + ?Sized,
-    D: BaseModel<Number> + ?Sized,
-{
+fn after_sample(run: &LoopRun, (n, a): (usize, usize), sample: usize) -> Motion {
     let ends = |all: &[f64], width: usize| {
         let (from, to) = (row(all, width, sample), row(all, width, sample + 1));
         from.into_iter().zip(to)
     };
     let (mut q, mut qd, mut qdd) = (Vec::new(), Vec::new(), Vec::new());
     let h = run.step;
-    for ((q0, q1), (v0, v1)) in ends(&run.log.q, plant.n).zip(ends(&run.log.qd, plant.n)) {
+    for ((q0, q1), (v0, v1)) in ends(&run.log.q, n).zip(ends(&run.log.qd, n)) {
         q.push(f64::midpoint(q0, q1) - 0.125 * h * (v1 - v0));
         let v = 1.5 * (q1 - q0) / h - 0.25 * (v0 + v1);
         // where a joint stops between the samples, the cubic may turn back though the joint does not
@@ -177,10 +161,9 @@ where
         });
         qdd.push((v1 - v0) / h);
     }
-    let efforts = ends(&run.log.effort, plant.actuated.len());
+    let efforts = ends(&run.log.effort, a);
     let efforts: Vec<f64> = efforts.map(|(a, b)| f64::midpoint(a, b)).collect();
-    place_at(plant, model, [&q, &qd, &qdd, &efforts], beta)?
-        .ok_or_else(|| not_linearised(run, sample, "the loops cannot be kept closed"))
+    [q, qd, qdd, efforts]
 }
 
 /// The values of a sample.
@@ -189,14 +172,16 @@ fn row(all: &[f64], width: usize, sample: usize) -> Vec<f64> {
     found.map_or_else(|| vec![0.0; width], <[f64]>::to_vec)
 }
 
-/// The equations at positions, velocities and accelerations of all coordinates and efforts; `None` if the
-/// loops cannot be kept closed.
-fn place_at<M, D>(
+/// The equations at a motion.
+///
+/// - `sample`: the sample at or before it, for the error.
+fn place<M, D>(
     plant: &Plant<'_, M, D>,
     model: &M,
-    [q, qd, qdd, efforts]: [&[f64]; 4],
+    (run, sample): (&LoopRun, usize),
+    [q, qd, qdd, efforts]: &Motion,
     beta: &[f64],
-) -> Result<Option<Place>, DidimError>
+) -> Result<Place, DidimError>
 where
     M: BaseModel<f64> + ?Sized,
     D: BaseModel<Number> + ?Sized,
@@ -207,13 +192,17 @@ where
         .flat_map(|all| plant.independent.iter().map(|c| all[*c]))
         .collect();
     let Some(posture) = plant.posture(q, &state, true)? else {
-        return Ok(None);
+        return Err(not_linearised(
+            run,
+            sample,
+            "the loops cannot be kept closed",
+        ));
     };
     let found = plant.gradient(&posture, qdd, efforts, beta, false)?;
     let mut mass = vec![0.0; dof * dof];
     let _condition = model.base_mass_matrix(&posture.q, beta, &mut mass)?;
     let by_state = matrix(&found.by_state, dof);
-    Ok(Some(Place {
+    Ok(Place {
         mass: matrix(&mass, dof),
         by_position: by_state.columns(0, dof).clone_owned(),
         by_velocity: by_state.columns(dof, dof).clone_owned(),
@@ -222,7 +211,7 @@ where
         reach: matrix(&posture.reach, n),
         turning: matrix(&posture.turning, n),
         qd: posture.qd,
-    }))
+    })
 }
 
 /// The controllers of a loop at its beginning.

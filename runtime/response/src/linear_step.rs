@@ -10,8 +10,9 @@
 //! friction that changes its direction with the velocity of joint j, whose derivatives by the independent
 //! velocities and positions are `x_j` and `t_j`. Over half a sample all matrices are means of both ends, and
 //! dq and dv change by the trapezoidal rule. One step over the whole sample is then extrapolated with the
-//! two halves to the fourth order (Richardson; the accelerations in the middle are of second order): in a loop of 3 Hz that swings, derivatives of the
-//! trapezoidal rule alone are 40 % off after ten seconds of 100 samples each.
+//! two halves to the fourth order (Richardson; the accelerations in the middle are of second order): in
+//! a loop of 3 Hz that swings, derivatives of the trapezoidal rule alone are 40 % off after ten
+//! seconds of 100 samples each.
 //!
 //! Where friction changes its direction within half a sample, the direction
 //! and `c_j` are their means over the velocities from end to end, as if these changed evenly; in truth
