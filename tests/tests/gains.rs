@@ -6,6 +6,7 @@ mod constrained;
 mod instruments;
 mod loops;
 mod robust;
+mod sampling;
 
 use nalgebra::{DMatrix, DVector};
 use regen_codegen::diag::Source;

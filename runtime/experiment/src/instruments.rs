@@ -69,6 +69,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     let (smooth, cutoff) = measured
         .smoothed(None)
         .map_err(InstrumentError::Unsmoothed)?;
+    let mut last = smooth.clone();
     let mut smooth = Some(smooth);
     let mut result = identify::instrumental(model, &options, &mut logs, least, &mut |_| {
         Ok::<_, DataError>(smooth.take())
@@ -94,7 +95,10 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
                     along.motion(model, &measured, values)
                 });
                 match motion {
-                    Ok(motion) => Ok(Some(motion)),
+                    Ok(motion) => {
+                        last.clone_from(&motion);
+                        Ok(Some(motion))
+                    }
                     Err(why) => {
                         failed = Some(why);
                         Err(EstimateError::NoConvergence.into())
@@ -106,7 +110,12 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         }
         (result, cutoff) = (simulation?, None);
     }
-    let model = identified(session, start, &result);
+    let weights: Vec<f64> = result.estimate.efforts.iter().map(|e| e.weight).collect();
+    let values = &result.estimate.values;
+    let change = logs
+        .logs()
+        .discretisation(values, &weights, &start.factor, Some(&last))?;
+    let model = identified(session, &change, &result);
     Ok(InstrumentalResult {
         instrumental: result,
         cutoff,
@@ -165,17 +174,16 @@ fn options<M: ?Sized>(session: &Session<'_, M>) -> InstrumentOptions {
 }
 
 /// The identified model with the confidence intervals of its values.
+///
+/// - `change`: by how much sampling may have changed each value.
 fn identified<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    start: &LeastSquaresStart,
+    change: &[f64],
     result: &Instrumental,
 ) -> IdentifiedModel {
-    let method = format!("instrumental variables, {}", result.covariance_in_words());
-    // the regressor, and so its sampling uncertainty, is that of least squares
-    let all: Vec<usize> = (0..result.estimate.values.len()).collect();
-    let blocks = start.score_blocks.as_ref();
-    let change = blocks.map_or_else(Vec::new, |blocks| blocks.change(&start.factor, &all));
-    let deviations = result.deviations.with_change(&change);
+    let (deviations, sampling) = result.deviations.with_sampling(change);
+    let of = result.covariance_in_words();
+    let method = format!("instrumental variables, {of}{sampling}");
     let correlated = result.estimate.with_deviations(&deviations);
     IdentifiedModel {
         name: "instrumental variables".to_owned(),

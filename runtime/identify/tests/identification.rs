@@ -22,6 +22,8 @@ mod observation;
 mod reading;
 #[path = "identification/robust.rs"]
 mod robust;
+#[path = "identification/sampling.rs"]
+mod sampling;
 
 #[allow(unreachable_pub, reason = "examples include the files too")]
 mod models {

@@ -5,9 +5,11 @@
 use super::logs::{Log, Logs};
 use super::motion;
 use super::problem::DataError;
+use super::reader::LogRow;
+use super::replaced::ReplacedRows;
 use super::stretch::Stretch;
 use crate::estimate::QrFactor;
-use crate::identify::{Completed, Completion};
+use crate::identify::{ChangedEfforts, ChangedParameters, Completed, Completion, MotionSeries};
 use crate::signals::{Derivatives, Method, SignalError, differences};
 use regen_runtime::BaseModel;
 
@@ -19,9 +21,6 @@ const STRETCHES: usize = 8;
 const SAMPLED_STATES: usize = 500;
 /// Order of the Butterworth filter that a series is compared with.
 const FILTER_ORDER: usize = 4;
-/// Weight of the whole log's QR factor against the equations of the sampled states: it decides
-/// only where these contain little information.
-const WHOLE_LOG_WEIGHT: f64 = 1e-3;
 /// Half width of the regression that a local regression is compared with, over its own.
 const WIDER_REGRESSION: f64 = 1.5;
 
@@ -34,53 +33,68 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     /// positions behind a filter of three times its highest frequency. The change is zero where
     /// derivatives are measured, or where the encoder's noise made one neighbour the best choice.
     ///
-    /// To first order the change `d` solves `W d = tau - tau_1` (Eq. 12) by least squares, where
-    /// `tau_1` are the efforts that the parameters predict with the other derivatives. A few
-    /// hundred states of each file represent the whole file; the factor of all states keeps `d`
-    /// small where these contain little information.
+    /// A few hundred states of each file represent the whole file; the factor of all states keeps
+    /// the change small where these contain little information.
     ///
     /// - `beta`: the identified parameters, SI; `weights`: one for each of the n equations of a
     ///   state;
-    /// - `factor`: the weighted QR factor whose solution the parameters are.
+    /// - `factor`: the weighted QR factor whose solution the parameters are;
+    /// - `motion`: for instrumental variables their motion, which stands in place of the measured one:
+    ///   it has no noise that the two ways of differentiation could pass in different parts.
     ///
     /// # Errors
-    /// When a file cannot be read.
+    /// When a file cannot be read, or the motion is not that of the model.
     pub fn discretisation(
         &self,
         beta: &[f64],
         weights: &[f64],
         factor: &QrFactor,
+        motion: Option<&MotionSeries>,
     ) -> Result<Vec<f64>, DataError> {
-        let r = beta.len();
-        let mut changes = Changes {
-            beta,
-            weights,
-            factor: QrFactor::new(factor.labels().to_vec()),
+        let mut found = ChangedParameters::new(factor.labels().to_vec());
+        let mut w = Vec::new();
+        self.visit_changed_efforts(beta, motion, &mut |state| {
+            w.clear();
+            w.extend_from_slice(state.w);
+            found.push(&mut w, state.change, weights);
+        })?;
+        Ok(found.finish(factor))
+    }
+
+    /// As [`Source::changed_efforts`](crate::identify::Source::changed_efforts).
+    pub(super) fn visit_changed_efforts(
+        &self,
+        beta: &[f64],
+        motion: Option<&MotionSeries>,
+        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+    ) -> Result<(), DataError> {
+        let mut replaced = match motion {
+            Some(motion) => Some(ReplacedRows::new(self.model, motion)?),
+            None => None,
         };
+        let mut out = Changes { beta, each };
         for (log, report) in self.files.iter().zip(&self.reports) {
             let differs = match self.settings.method {
                 Method::Central => log.encoders.iter().any(|e| e.neighbours > 1),
                 _ => true,
             };
             if differs && !log.file.layout.derivatives {
-                self.changes(log, report.rows, &mut changes)?;
+                self.changes(log, report.rows, replaced.as_mut(), &mut out)?;
             }
         }
-        let part = changes.factor.rows() as f64 / factor.rows().max(1) as f64;
-        let whole: Vec<f64> = factor
-            .r()
-            .iter()
-            .map(|x| (WHOLE_LOG_WEIGHT * part).sqrt() * x)
-            .collect();
-        let solved = changes.factor.push_block(&whole, &vec![0.0; r]);
-        Ok(match solved.and_then(|()| changes.factor.solve()) {
-            Ok(change) if part > 0.0 => change,
-            _ => vec![0.0; r],
-        })
+        Ok(())
     }
 
     /// Adds the equations of one file with `rows` usable rows.
-    fn changes(&self, log: &Log, rows: usize, out: &mut Changes<'_>) -> Result<(), DataError> {
+    fn changes(
+        &self,
+        log: &Log,
+        rows: usize,
+        replaced: Option<&mut ReplacedRows<'_, M>>,
+        out: &mut Changes<'_, '_>,
+    ) -> Result<(), DataError> {
+        // a series is that of the measured positions, and has little of their noise
+        let mut replaced = replaced.filter(|_| log.series.is_none());
         let measured = &log.file.layout.measured;
         let mut completions = Completions {
             usual: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
@@ -99,14 +113,25 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let every = (count * length).div_ceil(SAMPLED_STATES).max(1);
         let mut stretch = Stretch::default();
         let mut place = 0;
+        let mut other = LogRow::default();
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
                 let within = place < (place * count / rows.max(1)) * rows / count + length;
                 place += 1;
-                if !follows || !within {
+                let row = match &mut replaced {
+                    _ if !within => None,
+                    None => Some(row),
+                    Some(replaced) => {
+                        other.clone_from(row);
+                        replaced
+                            .replace(&log.file.layout, &mut other)?
+                            .then_some(&other)
+                    }
+                };
+                if !follows || row.is_none() {
                     self.stretch(log, &mut stretch, every, &mut completions, out)?;
                 }
-                if within {
+                if let Some(row) = row {
                     stretch.push(row);
                 }
                 Ok(())
@@ -121,7 +146,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         rows: &mut Stretch,
         every: usize,
         completions: &mut Completions<'_, M>,
-        out: &mut Changes<'_>,
+        out: &mut Changes<'_, '_>,
     ) -> Result<(), DataError> {
         let rows = core::mem::take(rows);
         let method = self.settings.method;
@@ -173,7 +198,12 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             {
                 continue;
             }
-            out.push(&mut w, &tau, &changed);
+            let change: Vec<f64> = tau.iter().zip(&changed).map(|(a, b)| a - b).collect();
+            (out.each)(&ChangedEfforts {
+                q: &a.q,
+                w: &w,
+                change: &change,
+            });
         }
         Ok(())
     }
@@ -253,27 +283,8 @@ struct Completions<'m, M: ?Sized> {
     other: Completion<'m, M>,
 }
 
-/// The equations of the parameters' changes, as a QR factor.
-struct Changes<'a> {
+/// The parameters, and what receives the states with their efforts' changes.
+struct Changes<'a, 'e> {
     beta: &'a [f64],
-    weights: &'a [f64],
-    factor: QrFactor,
-}
-
-impl Changes<'_> {
-    /// Adds the equations of one state: `w` is its regressor (n x r, column-major; weighted in
-    /// place), `tau` and `changed` are its n efforts with either method's derivatives.
-    fn push(&mut self, w: &mut [f64], tau: &[f64], changed: &[f64]) {
-        let n = tau.len();
-        let weight = |i: usize| self.weights.get(i).copied().unwrap_or(1.0);
-        for column in w.chunks_exact_mut(n.max(1)) {
-            for (i, entry) in column.iter_mut().enumerate() {
-                *entry *= weight(i);
-            }
-        }
-        let pairs = tau.iter().zip(changed).enumerate();
-        let side: Vec<f64> = pairs.map(|(i, (a, b))| weight(i) * (a - b)).collect();
-        // equations that are not finite are left out
-        let _ = self.factor.push_block(w, &side);
-    }
+    each: &'a mut (dyn FnMut(&ChangedEfforts<'_>) + 'e),
 }

@@ -13,9 +13,9 @@ use super::standstill::{self, Differences, Encoder};
 use super::stretch::Stretch;
 use super::window::Window;
 use crate::estimate::EstimateError;
-use crate::identify::{Completion, Filtering, Source, StateSample};
+use crate::identify::{ChangedEfforts, Completion, Filtering, MotionSeries, Source, StateSample};
 use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError};
-use regen_runtime::{Info, Model};
+use regen_runtime::{BaseModel, Info, Model};
 
 /// Summary of reading one run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -235,8 +235,17 @@ pub(super) fn signal(file: &LogFile, why: SignalError) -> DataError {
     }
 }
 
-impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
+impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
     type Error = DataError;
+
+    fn changed_efforts(
+        &mut self,
+        beta: &[f64],
+        motion: Option<&MotionSeries>,
+        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+    ) -> Result<(), DataError> {
+        self.visit_changed_efforts(beta, motion, each)
+    }
 
     fn visit(
         &mut self,

@@ -22,6 +22,7 @@ mod problem;
 mod rates;
 mod raw;
 mod reader;
+mod replaced;
 mod resample;
 mod row_cache;
 mod row_checker;

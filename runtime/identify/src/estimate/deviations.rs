@@ -20,6 +20,8 @@ const MIN_REMAINING_PART: f64 = 1e-3;
 /// small, as does one with fewer of them than parameters: with 200 filtered rows of a six-joint arm
 /// with 58 parameters, only 59 % of the values were within 3 standard deviations.
 const MIN_INDEPENDENT_SAMPLES: f64 = 20.0;
+/// What sampling leaves unknown is mentioned if it increases a standard deviation by at least this part.
+const MIN_MENTIONED_GROWTH: f64 = 0.1;
 
 /// The covariance of an estimate whose residuals are correlated in time and across efforts.
 ///
@@ -101,6 +103,22 @@ impl Deviations {
         let at = |k: usize| change.get(k).copied().unwrap_or_default();
         let square = (0..n * n).map(|k| at(k % n.max(1)) * at(k / n.max(1)));
         self.with_added(&square.collect::<Vec<f64>>())
+    }
+
+    /// The same with what sampling leaves unknown of the motion, and words for it: empty where no standard
+    /// deviation grows by a tenth.
+    ///
+    /// - `change`: by how much other derivatives of the positions would change each parameter.
+    #[must_use]
+    pub fn with_sampling(&self, change: &[f64]) -> (Self, &'static str) {
+        let found = self.with_change(change);
+        let grows = |k: usize| found.sigma(k) > (1.0 + MIN_MENTIONED_GROWTH) * self.sigma(k);
+        let words = if (0..change.len()).any(grows) {
+            "; and what sampling leaves unknown of the motion"
+        } else {
+            ""
+        };
+        (found, words)
     }
 
     /// The same with a further covariance, of errors that are independent of the noise.

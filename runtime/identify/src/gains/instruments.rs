@@ -44,9 +44,6 @@ pub struct LoadedInstruments {
 /// - `stages`: the instruments; those of each stage begin with the estimate of the one before, the
 ///   first with least squares. The estimate of the last stage is returned.
 ///
-/// The standard deviations do not include what the sampling of the motion adds to them, as those of
-/// [`fit`](super::fit) do not.
-///
 /// # Errors
 /// As [`fit`](super::fit); when there are not as many motions as runs; [`GainError::NotConverged`] if least
 /// squares have no solution to begin with; the errors of `stages`.
@@ -130,6 +127,7 @@ where
         linear,
         rows,
         motions: &mut |_| Ok(None),
+        last: Vec::new(),
         is_first: true,
     };
     let mut found: Option<Instrumental> = None;
@@ -149,7 +147,10 @@ where
     }
     let mut found = found.ok_or(GainError::NotConverged)?;
     let LinearisedEquations {
-        linear, mut rows, ..
+        linear,
+        mut rows,
+        last,
+        ..
     } = equations;
     let point = linear.point_at(&found.estimate.values);
     let weights = weights_of(&found);
@@ -160,7 +161,7 @@ where
         name: "instrumental variables",
         ..least.solved(&planned, plan, &own)
     };
-    let mut fit = solved.finish_instrumental(&mut rows, &mut found)?;
+    let mut fit = solved.finish_instrumental(&mut rows, &mut found, &last)?;
     fit.model.left_out.clone_from(&planned.idle);
     Ok(LoadedInstruments {
         fit,
@@ -186,6 +187,8 @@ struct LinearisedEquations<'a, 'r, 's, M: ?Sized, S: ?Sized> {
     linear: Linear<'a>,
     rows: Rows<'r, M, S>,
     motions: &'s mut LoadedMotions<'s>,
+    /// The present motions of the instruments.
+    last: Vec<MotionSeries>,
     /// Whether no round of the stage has been solved. The first round has measured currents in the
     /// columns of the gains: `k i = W x` is linear, so that a start far from the solution does no harm.
     /// Later rounds have predicted currents there, which have no noise.
@@ -210,6 +213,7 @@ where
             self.rows.require_instruments()?;
             return Ok(false);
         };
+        self.last.clone_from(&motions);
         self.rows.set_instruments(motions)?;
         Ok(true)
     }

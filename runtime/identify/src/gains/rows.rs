@@ -7,8 +7,8 @@ use super::{CarriedRun, GainError};
 use crate::data::DataError;
 use crate::estimate::EstimateError;
 use crate::identify::{
-    Columns, EquationKind, InstrumentRegressor, LeftOut, MotionSeries, NoColumns, Replay, Source,
-    StateSample,
+    ChangedEfforts, Columns, EquationKind, InstrumentRegressor, LeftOut, MotionSeries, NoColumns,
+    Replay, Source, StateSample,
 };
 use regen_runtime::{BaseModel, Status};
 
@@ -228,6 +228,51 @@ where
         Ok(())
     }
 
+    /// Passes states of all runs with the efforts that change with other derivatives of the positions,
+    /// as `measured`, SI; see [`Source::changed_efforts`].
+    ///
+    /// - `x`: all base parameters; `motions`: those of the instruments, one for each run.
+    pub(super) fn changed_efforts(
+        &mut self,
+        x: &[f64],
+        motions: Option<&[MotionSeries]>,
+        each: &mut dyn FnMut(&Sample<'_>),
+    ) -> Result<(), GainError> {
+        let dof = self.efforts.len();
+        let weights = vec![1.0; dof];
+        let mut by_drive = self.by_drive.then(|| ByDrive::new(self.model));
+        for (run, (replay, absent)) in self.runs.iter_mut().enumerate() {
+            let beta = without(x, absent);
+            let motion = motions.and_then(|all| all.get(run));
+            let mut changed = |state: &ChangedEfforts<'_>| {
+                let mut all = [state.w, state.change].concat();
+                if let Some(by_drive) = &mut by_drive {
+                    let own = all.clone();
+                    if !matches!(by_drive.transform(state.q, &own, &mut all), Ok(true)) {
+                        return;
+                    }
+                }
+                for column in absent.iter() {
+                    if let Some(own) = all.get_mut(column * dof..(column + 1) * dof) {
+                        own.fill(0.0);
+                    }
+                }
+                let (w, change) = all.split_at(state.w.len());
+                each(&Sample {
+                    w,
+                    z: &[],
+                    measured: change,
+                    weights: &weights,
+                    time: f64::NAN,
+                    follows: false,
+                });
+            };
+            let passed = replay.source().changed_efforts(&beta, motion, &mut changed);
+            passed.map_err(|why| GainError::Data(why.into()))?;
+        }
+        Ok(())
+    }
+
     /// The numbers of rows and samples that the last pass left out.
     pub(super) fn left_out(&self) -> LeftOut {
         let mut out = LeftOut {
@@ -330,9 +375,10 @@ impl<'a, M: BaseModel<f64> + ?Sized> ByDrive<'a, M> {
         }
     }
 
-    /// The regressor's rows by drives at positions `q`; false where they are singular.
+    /// Rows by drives at positions `q`; false where they are singular.
     ///
-    /// - `w`: the base regressor, dof x r, column-major; `out`: as large.
+    /// - `w`: rows of the equations of motion, such as the base regressor, dof x any number,
+    ///   column-major; `out`: as large.
     pub(super) fn transform(
         &mut self,
         q: &[f64],
@@ -349,8 +395,8 @@ impl<'a, M: BaseModel<f64> + ?Sized> ByDrive<'a, M> {
             }
         }
         let forces = DMatrix::from_column_slice(dof, dof, &self.forces);
-        let regressor = DMatrix::from_column_slice(dof, self.base, w);
-        let Some(rows) = forces.lu().solve(&regressor) else {
+        let rows = DMatrix::from_column_slice(dof, w.len() / dof.max(1), w);
+        let Some(rows) = forces.lu().solve(&rows) else {
             return Ok(false);
         };
         out.copy_from_slice(rows.as_slice());

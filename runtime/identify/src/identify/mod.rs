@@ -13,6 +13,7 @@ mod pending;
 mod recorded;
 mod replay;
 mod residual_passes;
+mod sampling;
 mod slower;
 mod stored;
 mod stream;
@@ -33,6 +34,8 @@ pub use passes::{
 };
 pub use recorded::Recorded;
 pub(crate) use replay::Replay;
+pub use sampling::ChangedEfforts;
+pub(crate) use sampling::ChangedParameters;
 pub(crate) use stored::Means;
 pub use stored::StoredEquations;
 pub use stream::{Columns, LeftOut, NoColumns, equations};

@@ -6,8 +6,10 @@ use super::delay::{DelayFit, DelayScores, Delays};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 use super::filtering::Filtering;
 use super::huber::{Reweighting, partitioned, reweighted};
+use super::instruments::MotionSeries;
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
+use super::sampling::ChangedEfforts;
 use super::slower::delays_of_slower_motion;
 use super::stored::StoredEquations;
 use super::stream::{Columns, LeftOut, equations};
@@ -34,6 +36,25 @@ pub trait Source {
 
     /// How the equations of the rows are filtered, decimated and left out at standstill.
     fn filtering(&self) -> Filtering;
+
+    /// Passes states with the efforts that change if the same positions are differentiated in another
+    /// way: what sampling leaves unknown of the motion. There are none where motion is not
+    /// differentiated from positions, as here.
+    ///
+    /// - `beta`: the base parameters that predict the efforts, SI;
+    /// - `motion`: a motion in place of the measured one, see [`instrumental`](super::instrumental).
+    ///
+    /// # Errors
+    /// When the log cannot be read, or the motion is not that of the model.
+    fn changed_efforts(
+        &mut self,
+        beta: &[f64],
+        motion: Option<&MotionSeries>,
+        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+    ) -> Result<(), Self::Error> {
+        let _ = (beta, motion, each);
+        Ok(())
+    }
 }
 
 /// Options of a least-squares estimate.

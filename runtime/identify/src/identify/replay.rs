@@ -99,7 +99,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
     }
 
     /// The log that the equations come from.
-    pub(super) fn source(&mut self) -> &mut S {
+    pub(crate) fn source(&mut self) -> &mut S {
         self.source
     }
 

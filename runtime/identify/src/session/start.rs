@@ -96,9 +96,6 @@ impl LeastSquaresStart {
     }
 }
 
-/// The sampling error is mentioned in the name of the method if it increases a standard deviation
-/// by at least this fraction.
-const MIN_MENTIONED_GROWTH: f64 = 0.1;
 /// Number of passes that estimate the efforts' noise; it converges to a percent in two.
 const NOISE_PASSES: usize = 3;
 
@@ -150,22 +147,15 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
     let values = &identified.estimate.values;
     let change = logs
         .logs()
-        .discretisation(values, &weights, &identified.factor)?;
+        .discretisation(values, &weights, &identified.factor, None)?;
     let blocks = identified
         .blocks
         .clone()
         .with_change(&identified.factor, &change);
-    let increased = identified.deviations.with_change(&change);
-    let previous_deviations = std::mem::replace(&mut identified.deviations, increased);
+    let (increased, words) = identified.deviations.with_sampling(&change);
+    identified.deviations = increased;
     identified.blocks = blocks;
-    let has_grown = |k: usize| {
-        identified.deviations.sigma(k) > (1.0 + MIN_MENTIONED_GROWTH) * previous_deviations.sigma(k)
-    };
-    Ok(if (0..change.len()).any(has_grown) {
-        "; and what sampling leaves unknown of the motion"
-    } else {
-        ""
-    })
+    Ok(words)
 }
 
 /// Solves least squares from the QR factors of one or more logs.

@@ -4,7 +4,7 @@ use regen_runtime::BaseModel;
 
 use crate::data::{DataError, Logs};
 use crate::estimate::EstimateError;
-use crate::identify::{Filtering, Source, StateSample};
+use crate::identify::{ChangedEfforts, Filtering, MotionSeries, Source, StateSample};
 
 /// Number of rows between two reports of a pass.
 const REPORT_INTERVAL_ROWS: u64 = 64;
@@ -79,5 +79,14 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
         });
         self.watch.finished();
         result
+    }
+
+    fn changed_efforts(
+        &mut self,
+        beta: &[f64],
+        motion: Option<&MotionSeries>,
+        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+    ) -> Result<(), DataError> {
+        self.logs.changed_efforts(beta, motion, each)
     }
 }

@@ -118,7 +118,7 @@ impl MotionSeries {
     }
 
     /// The index of the sample at a time, searched after the sample `last`.
-    pub(super) fn find(&self, last: Option<usize>, time: f64) -> Option<usize> {
+    pub(crate) fn find(&self, last: Option<usize>, time: f64) -> Option<usize> {
         let from = last.map_or(0, |k| k + 1);
         let rest = self.times.get(from..)?;
         // every pass reads the same times, so the two agree up to rounding
