@@ -216,7 +216,9 @@ fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undete
     let error = &validated["models"][0]["logs"][0];
     assert_eq!(error["relative_absolute"], of_run["relative_absolute"]);
     let (table, _) = run(&dir, "identify arm.yaml runs.yaml", 0);
-    for words in ["gain ", "payload load", "given"] {
+    // the whole way from the logs to the deviations: the change by other derivatives is in them
+    let sampling = "and what sampling leaves unknown of the motion";
+    for words in ["gain ", "payload load", "given", sampling] {
         assert!(table.contains(words), "{words}\n{table}");
     }
     let refused = run(&dir, "validate arm.yaml fit.json none.csv", 3).1;
@@ -246,6 +248,8 @@ fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undete
         "{written}"
     );
     let instruments = json(&dir, "identify arm.yaml runs.yaml --iv");
+    let deviations = instruments["deviations"].as_str().unwrap();
+    assert!(deviations.contains(sampling), "{deviations}");
     for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
         close(&instruments["gains"][k], gain);
     }

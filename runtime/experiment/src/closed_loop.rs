@@ -209,7 +209,7 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
 }
 
 /// The motion of the independent coordinates in the simulated loop, at the sample times of a
-/// measured motion; runs of a single sample are left out.
+/// measured motion; runs of a single sample have no motion and are NaN.
 ///
 /// # Errors
 /// As [`follow`].
@@ -225,6 +225,7 @@ pub fn motion<M: Model<f64> + ?Sized>(
     for run in measured.runs() {
         let times = measured.times().get(run).unwrap_or_default();
         if times.len() < 2 {
+            out.push_unknown(times);
             continue;
         }
         let log = follow(model, closed_loop, phi, times)?;

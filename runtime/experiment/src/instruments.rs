@@ -69,7 +69,6 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     let (smooth, cutoff) = measured
         .smoothed(None)
         .map_err(InstrumentError::Unsmoothed)?;
-    let mut last = smooth.clone();
     let mut smooth = Some(smooth);
     let mut result = identify::instrumental(model, &options, &mut logs, least, &mut |_| {
         Ok::<_, DataError>(smooth.take())
@@ -95,10 +94,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
                     along.motion(model, &measured, values)
                 });
                 match motion {
-                    Ok(motion) => {
-                        last.clone_from(&motion);
-                        Ok(Some(motion))
-                    }
+                    Ok(motion) => Ok(Some(motion)),
                     Err(why) => {
                         failed = Some(why);
                         Err(EstimateError::NoConvergence.into())
@@ -110,12 +106,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         }
         (result, cutoff) = (simulation?, None);
     }
-    let weights: Vec<f64> = result.estimate.efforts.iter().map(|e| e.weight).collect();
-    let values = &result.estimate.values;
-    let change = logs
-        .logs()
-        .discretisation(values, &weights, &start.factor, Some(&last))?;
-    let model = identified(session, &change, &result);
+    let model = identified(session, &result);
     Ok(InstrumentalResult {
         instrumental: result,
         cutoff,
@@ -174,17 +165,12 @@ fn options<M: ?Sized>(session: &Session<'_, M>) -> InstrumentOptions {
 }
 
 /// The identified model with the confidence intervals of its values.
-///
-/// - `change`: by how much sampling may have changed each value.
 fn identified<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    change: &[f64],
     result: &Instrumental,
 ) -> IdentifiedModel {
-    let (deviations, sampling) = result.deviations.with_sampling(change);
-    let of = result.covariance_in_words();
-    let method = format!("instrumental variables, {of}{sampling}");
-    let correlated = result.estimate.with_deviations(&deviations);
+    let method = format!("instrumental variables, {}", result.covariance_in_words());
+    let correlated = result.correlated();
     IdentifiedModel {
         name: "instrumental variables".to_owned(),
         beta: result.estimate.values.clone(),

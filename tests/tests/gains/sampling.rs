@@ -7,15 +7,32 @@ use regen_identify::identify::{
     ChangedEfforts, Filtering, InstrumentOptions, MotionSeries, Source as LogSource,
 };
 
-/// A log whose efforts change as if the base parameters were other ones, with other derivatives of its
-/// positions.
+/// A log whose efforts change with other derivatives of its positions.
 struct Sampled<'m> {
     model: &'m Interpreted<'m>,
     log: Recorded,
-    /// By how much each base parameter seems to change.
-    change: Vec<f64>,
-    /// Whether the instruments' motion was passed.
-    along: Option<bool>,
+    /// The parameters that were passed, and whether the instruments' motion was.
+    asked: Option<(Vec<f64>, bool)>,
+}
+
+/// The regressor of each row of a log, and the change of its efforts.
+fn rows(
+    model: &Interpreted<'_>,
+    log: &mut Recorded,
+) -> Vec<(Vec<f64>, DMatrix<f64>, DVector<f64>)> {
+    let (dof, r) = (model.info().dof(), model.rank());
+    let mut out = Vec::new();
+    log.visit(&mut |row| {
+        let mut w = vec![0.0; dof * r];
+        let _ = model.base_regressor(row.q, row.qd, row.qdd, &mut w)?;
+        let change = DVector::from_fn(dof, |i, _| {
+            0.03 * row.qdd[i] + 0.2 * (7.0 * row.time + i as f64).sin()
+        });
+        out.push((row.q.to_vec(), DMatrix::from_vec(dof, r, w), change));
+        Ok(())
+    })
+    .unwrap();
+    out
 }
 
 impl LogSource for Sampled<'_> {
@@ -34,49 +51,93 @@ impl LogSource for Sampled<'_> {
 
     fn changed_efforts(
         &mut self,
-        _: &[f64],
+        beta: &[f64],
         motion: Option<&MotionSeries>,
-        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+        each: &mut dyn FnMut(&ChangedEfforts<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), EstimateError> {
-        self.along = Some(motion.is_some_and(|own| own.len() == SAMPLES as usize));
-        let (model, delta) = (self.model, &self.change);
-        let mut w = vec![0.0; model.info().dof() * delta.len()];
-        self.log.visit(&mut |row| {
-            let _ = model.base_regressor(row.q, row.qd, row.qdd, &mut w)?;
-            let rows = DMatrix::from_column_slice(model.info().dof(), delta.len(), &w);
-            let change = rows * DVector::from_column_slice(delta);
+        let along = motion.is_some_and(|own| own.len() == SAMPLES as usize);
+        self.asked = Some((beta.to_vec(), along));
+        for (q, w, change) in rows(self.model, &mut self.log) {
             each(&ChangedEfforts {
-                q: row.q,
-                w: &w,
+                q: &q,
+                w: w.as_slice(),
                 change: change.as_slice(),
-            });
-            Ok(())
-        })
+                rows: 1.0,
+            })?;
+        }
+        Ok(())
     }
 }
 
+/// The generalized forces of a unit effort of each drive.
+fn forces(model: &Interpreted<'_>, q: &[f64]) -> DMatrix<f64> {
+    let dof = model.info().dof();
+    let mut all = DMatrix::zeros(dof, dof);
+    for k in 0..dof {
+        let unit: Vec<f64> = (0..dof).map(|i| if i == k { 1.0 } else { 0.0 }).collect();
+        let mut column = vec![0.0; dof];
+        let _ = model.generalized_forces(q, &unit, &mut column).unwrap();
+        all.set_column(k, &DVector::from_vec(column));
+    }
+    all
+}
+
+/// The change of robot's parameters and gains, by least squares of the linearised equations of both runs
+/// written out.
+fn expected(twin: &Twin<'_>, found: &GainFit, logs: [Recorded; 2]) -> Vec<f64> {
+    let (model, load) = (twin.model, twin.load());
+    let robot: Vec<usize> = (0..model.rank()).filter(|k| !load.contains(k)).collect();
+    let gains: Vec<f64> = found.model.gains.iter().map(|gain| gain.value).collect();
+    let (m, n) = (robot.len(), robot.len() + gains.len());
+    assert_eq!(found.estimate.labels.len(), n);
+    let (mut products, mut sides) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    for (run, mut log) in logs.into_iter().enumerate() {
+        let mut x = DVector::from_column_slice(&found.model.beta);
+        if run == 0 {
+            for k in &load {
+                x[*k] = 0.0;
+            }
+        }
+        for (q, w, change) in rows(model, &mut log) {
+            let solved = forces(model, &q).lu();
+            let (w, change) = (solved.solve(&w).unwrap(), solved.solve(&change).unwrap());
+            let efforts = &w * &x;
+            for (i, gain) in gains.iter().enumerate() {
+                // the weight in the unit of the current
+                let weight = found.estimate.efforts[i].weight * gain.abs();
+                let mut row = DVector::zeros(n);
+                for (column, place) in robot.iter().enumerate() {
+                    row[column] = weight * w[(i, *place)] / gain;
+                }
+                row[m + i] = -weight * efforts[i] / (gain * gain);
+                sides += &row * (weight * change[i] / gain);
+                products += &row * row.transpose();
+            }
+        }
+    }
+    // a thousandth of the whole log stands for no change
+    (products * 1.001)
+        .lu()
+        .solve(&sides)
+        .unwrap()
+        .as_slice()
+        .to_vec()
+}
+
 /// Checks that the deviations of a fit with changes are those of one without, and the changes.
-fn check_added(plain: &GainFit, sampled: &GainFit, change: &[f64], labels: &[&str]) {
-    let own = &plain.estimate.labels;
-    let n = own.len();
-    let expected: Vec<f64> = own
-        .iter()
-        .map(|label| labels.iter().position(|l| l == label))
-        .map(|place| place.map_or(0.0, |k| change[k]))
-        .collect();
-    assert!(expected.iter().any(|x| *x != 0.0) && expected.contains(&0.0));
+fn check_added(plain: &GainFit, sampled: &GainFit, change: &[f64]) {
+    let n = change.len();
     for i in 0..n {
         for j in 0..n {
             let covariance = |fit: &GainFit| fit.deviations.covariance[i * n + j];
             let added = covariance(sampled) - covariance(plain);
-            let size = (covariance(sampled).abs()).max((expected[i] * expected[j]).abs());
-            // a thousandth of the whole log stands for no change
+            let expected = change[i] * change[j];
+            let size = covariance(sampled).abs().max(expected.abs());
             assert!(
-                (added - expected[i] * expected[j]).abs() <= 4e-3 * size + 1e-15,
-                "{} {}: {added:e} {:e}",
-                own[i],
-                own[j],
-                expected[i] * expected[j]
+                (added - expected).abs() <= 1e-6 * size,
+                "{} {}: {added:e} {expected:e}",
+                plain.estimate.labels[i],
+                plain.estimate.labels[j],
             );
         }
     }
@@ -88,80 +149,86 @@ fn check_added(plain: &GainFit, sampled: &GainFit, change: &[f64], labels: &[&st
     );
 }
 
-fn sampling_is_added(robot: &Robot, gain: &[f64], mass: f64) {
+/// The runs without and with the load.
+fn both<'a, 'm>(logs: &'a mut [Sampled<'m>; 2]) -> [CarriedRun<'a, Sampled<'m>>; 2] {
+    let [free, loaded] = logs;
+    [(free, None), (loaded, Some(0))].map(|(source, carried)| CarriedRun { source, carried })
+}
+
+fn sampling_is_added(robot: &Robot, gains: &[f64], known: &KnownPayload) {
     let terms = BaseTerms::new(robot);
     let model = Interpreted::with_terms(robot, &terms);
-    let twin = Twin::new(&model, gain);
-    let plan = unknown(&twin, Some(mass));
-    let labels: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
-    let mut change: Vec<f64> = (0..labels.len()).map(|k| 0.02 + 0.003 * k as f64).collect();
-    for k in twin.load() {
-        change[k] = 0.0;
-    }
+    let twin = Twin::new(&model, gains);
+    let plan = Plan {
+        unknown_gains: twin.names(),
+        payloads: vec![known.clone()],
+        robot: None,
+    };
     let sampled = || {
         twin.runs(3).map(|log| Sampled {
             model: &model,
             log,
-            change: change.clone(),
-            along: None,
+            asked: None,
         })
     };
-    let carried_by = |run: usize| (run == 1).then_some(0);
+    let check = |plain: &GainFit, found: &GainFit, logs: &[Sampled<'_>; 2], along: bool| {
+        check_added(plain, found, &expected(&twin, found, twin.runs(3)));
+        for (run, log) in logs.iter().enumerate() {
+            let (beta, motion) = log.asked.as_ref().unwrap();
+            assert_eq!(*motion, along);
+            let carries = |k: &usize| beta[*k] != 0.0;
+            assert_eq!(twin.load().iter().any(carries), run == 1);
+        }
+    };
 
     let plain = twin.fit(&plan, 3).unwrap();
     let mut logs = sampled();
-    let mut own = logs.iter_mut().enumerate();
-    let mut runs: Vec<CarriedRun<'_, Sampled<'_>>> = own
-        .by_ref()
-        .map(|(run, source)| CarriedRun {
-            source,
-            carried: carried_by(run),
-        })
-        .collect();
-    let found = fit(&model, &GainOptions::default(), &plan, &mut runs).unwrap();
-    check_added(&plain, &found, &change, &labels);
-    assert!(logs.iter().all(|own| own.along == Some(false)));
+    let found = fit(&model, &GainOptions::default(), &plan, &mut both(&mut logs)).unwrap();
+    check(&plain, &found, &logs, false);
 
-    let motions = || {
-        let all = twin.runs(3);
-        Some(all.map(|mut log| MotionSeries::recorded(&model, &mut log).unwrap()))
-    };
+    let motions = twin.runs(3);
+    let motions = motions.map(|mut log| MotionSeries::recorded(&model, &mut log).unwrap());
     let options = (&InstrumentOptions::default(), 0.95);
-    let mut own = motions().map(Vec::from);
+    let mut own = Some(motions.to_vec());
+    let mut runs = twin.runs(3);
     let plain = instrumental(
         &model,
         options,
         &plan,
-        &mut carried(&mut twin.runs(3)),
+        &mut carried(&mut runs),
         &mut [&mut |_| Ok(own.take())],
     );
+    let mut own = Some(motions.to_vec());
     let mut logs = sampled();
-    let runs = logs.iter_mut().enumerate();
-    let mut runs: Vec<CarriedRun<'_, Sampled<'_>>> = runs
-        .map(|(run, source)| CarriedRun {
-            source,
-            carried: carried_by(run),
-        })
-        .collect();
-    let mut own = motions().map(Vec::from);
     let found = instrumental(
         &model,
         options,
         &plan,
-        &mut runs,
+        &mut both(&mut logs),
         &mut [&mut |_| Ok(own.take())],
     );
-    check_added(&plain.unwrap().fit, &found.unwrap().fit, &change, &labels);
-    assert!(logs.iter().all(|own| own.along == Some(true)));
+    check(&plain.unwrap().fit, &found.unwrap().fit, &logs, true);
 }
 
 #[test]
 fn changes_by_sampling_are_in_the_deviations_of_an_arm_and_its_gains() {
-    sampling_is_added(&arm(), &[12.0, 9.0, 5.0], 2.2);
+    let load = KnownPayload {
+        mass: Some(2.2),
+        com: Some([0.02, 0.01, 0.04]),
+        inertia: Some([0.006, 0.001, 0.0, 0.007, 0.0, 0.004]),
+        ..known(None)
+    };
+    sampling_is_added(&arm(), &[8.0, -12.0, 3.0], &load);
 }
 
 #[test]
 fn changes_by_sampling_are_in_the_deviations_where_drives_move_dependent_coordinates() {
+    let load = KnownPayload {
+        mass: Some(0.7),
+        com: Some([0.02, 0.01, 0.03]),
+        inertia: Some([0.001, 0.0, 0.0, 0.002, 0.0, 0.0015]),
+        ..known(None)
+    };
     let robot = fivebar("independent: [q1, q2]\n");
-    sampling_is_added(&robot, &[4.0, 3.0], 0.7);
+    sampling_is_added(&robot, &[4.0, 3.0], &load);
 }

@@ -8,7 +8,7 @@ use super::problem::DataError;
 use super::reader::LogRow;
 use super::replaced::ReplacedRows;
 use super::stretch::Stretch;
-use crate::estimate::QrFactor;
+use crate::estimate::{EstimateError, QrFactor};
 use crate::identify::{ChangedEfforts, ChangedParameters, Completed, Completion, MotionSeries};
 use crate::signals::{Derivatives, Method, SignalError, differences};
 use regen_runtime::BaseModel;
@@ -17,7 +17,7 @@ use regen_runtime::BaseModel;
 const SAMPLED_ROWS: usize = 8192;
 /// Number of stretches that these rows are divided into.
 const STRETCHES: usize = 8;
-/// Approximate number of states of each file that equations are set up for.
+/// Approximate number of states of each file at which efforts are compared.
 const SAMPLED_STATES: usize = 500;
 /// Order of the Butterworth filter that a series is compared with.
 const FILTER_ORDER: usize = 4;
@@ -38,25 +38,22 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     ///
     /// - `beta`: the identified parameters, SI; `weights`: one for each of the n equations of a
     ///   state;
-    /// - `factor`: the weighted QR factor whose solution the parameters are;
-    /// - `motion`: for instrumental variables their motion, which stands in place of the measured one:
-    ///   it has no noise that the two ways of differentiation could pass in different parts.
+    /// - `factor`: the weighted QR factor whose solution the parameters are.
     ///
     /// # Errors
-    /// When a file cannot be read, or the motion is not that of the model.
+    /// When a file cannot be read.
     pub fn discretisation(
         &self,
         beta: &[f64],
         weights: &[f64],
         factor: &QrFactor,
-        motion: Option<&MotionSeries>,
     ) -> Result<Vec<f64>, DataError> {
         let mut found = ChangedParameters::new(factor.labels().to_vec());
         let mut w = Vec::new();
-        self.visit_changed_efforts(beta, motion, &mut |state| {
+        self.visit_changed_efforts(beta, None, &mut |state| {
             w.clear();
             w.extend_from_slice(state.w);
-            found.push(&mut w, state.change, weights);
+            found.push((&mut w, state.change), weights, state.rows)
         })?;
         Ok(found.finish(factor))
     }
@@ -66,35 +63,47 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         &self,
         beta: &[f64],
         motion: Option<&MotionSeries>,
-        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+        each: &mut dyn FnMut(&ChangedEfforts<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), DataError> {
-        let mut replaced = match motion {
-            Some(motion) => Some(ReplacedRows::new(self.model, motion)?),
-            None => None,
-        };
-        let mut out = Changes { beta, each };
-        for (log, report) in self.files.iter().zip(&self.reports) {
+        let differs = |log: &Log| {
             let differs = match self.settings.method {
                 Method::Central => log.encoders.iter().any(|e| e.neighbours > 1),
                 _ => true,
             };
-            if differs && !log.file.layout.derivatives {
-                self.changes(log, report.rows, replaced.as_mut(), &mut out)?;
-            }
+            differs && !log.file.layout.derivatives
+        };
+        if !self.files.iter().any(differs) {
+            return Ok(());
+        }
+        // a series is that of the measured positions, and the motion of an average has only the rows of
+        // one period
+        let is_series = self.files.iter().any(|log| log.series.is_some());
+        let motion = motion.filter(|_| !is_series && self.settings.period.is_none());
+        let mut replaced = match motion {
+            Some(motion) => Some(ReplacedRows::new(self.model, motion)?),
+            None => None,
+        };
+        let mut out = Changes {
+            beta,
+            every: 1,
+            rows: 1.0,
+            each,
+        };
+        // a file without a change stands for itself
+        for (log, report) in self.files.iter().zip(&self.reports) {
+            self.changes(log, report.rows, replaced.as_mut(), &mut out)?;
         }
         Ok(())
     }
 
-    /// Adds the equations of one file with `rows` usable rows.
+    /// Passes on the states of one file with `rows` usable rows.
     fn changes(
         &self,
         log: &Log,
         rows: usize,
-        replaced: Option<&mut ReplacedRows<'_, M>>,
+        mut replaced: Option<&mut ReplacedRows<'_, M>>,
         out: &mut Changes<'_, '_>,
     ) -> Result<(), DataError> {
-        // a series is that of the measured positions, and has little of their noise
-        let mut replaced = replaced.filter(|_| log.series.is_none());
         let measured = &log.file.layout.measured;
         let mut completions = Completions {
             usual: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
@@ -110,7 +119,8 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         } else {
             (STRETCHES, length)
         };
-        let every = (count * length).div_ceil(SAMPLED_STATES).max(1);
+        out.every = (count * length).div_ceil(SAMPLED_STATES).max(1);
+        out.rows = rows as f64 * out.every as f64 / (count * length).max(1) as f64;
         let mut stretch = Stretch::default();
         let mut place = 0;
         let mut other = LogRow::default();
@@ -118,33 +128,33 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
                 let within = place < (place * count / rows.max(1)) * rows / count + length;
                 place += 1;
-                let row = match &mut replaced {
-                    _ if !within => None,
-                    None => Some(row),
+                let (row, follows) = match &mut replaced {
+                    _ if !within => (None, false),
+                    None => (Some(row), follows),
                     Some(replaced) => {
                         other.clone_from(row);
-                        replaced
-                            .replace(&log.file.layout, &mut other)?
-                            .then_some(&other)
+                        match replaced.replace(&log.file.layout, &mut other)? {
+                            None => (None, false),
+                            Some(goes_on) => (Some(&other), follows && goes_on),
+                        }
                     }
                 };
-                if !follows || row.is_none() {
-                    self.stretch(log, &mut stretch, every, &mut completions, out)?;
+                if !follows {
+                    self.stretch(log, &mut stretch, &mut completions, out)?;
                 }
                 if let Some(row) = row {
                     stretch.push(row);
                 }
                 Ok(())
             })?;
-        self.stretch(log, &mut stretch, every, &mut completions, out)
+        self.stretch(log, &mut stretch, &mut completions, out)
     }
 
-    /// Adds the equations of consecutive rows, and clears the rows.
+    /// Passes on the states of consecutive rows, and clears the rows.
     fn stretch(
         &self,
         log: &Log,
         rows: &mut Stretch,
-        every: usize,
         completions: &mut Completions<'_, M>,
         out: &mut Changes<'_, '_>,
     ) -> Result<(), DataError> {
@@ -165,7 +175,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         }
         let (n, r) = (self.model.info().dof(), out.beta.len());
         let (mut w, mut tau, mut changed) = (vec![0.0; n * r], vec![0.0; n], vec![0.0; n]);
-        for k in valid.step_by(every) {
+        for k in valid.step_by(out.every) {
             let same_sign = |(a, b): (&Derivatives, &Derivatives)| a.rate[k] * b.rate[k] >= 0.0;
             // where a velocity's sign depends on the method, friction would change more than the
             // derivatives do
@@ -203,7 +213,8 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
                 q: &a.q,
                 w: &w,
                 change: &change,
-            });
+                rows: out.rows,
+            })?;
         }
         Ok(())
     }
@@ -286,5 +297,9 @@ struct Completions<'m, M: ?Sized> {
 /// The parameters, and what receives the states with their efforts' changes.
 struct Changes<'a, 'e> {
     beta: &'a [f64],
-    each: &'a mut (dyn FnMut(&ChangedEfforts<'_>) + 'e),
+    /// One of so many rows of the present file becomes a state,
+    every: usize,
+    /// which stands for so many of its rows.
+    rows: f64,
+    each: &'a mut (dyn FnMut(&ChangedEfforts<'_>) -> Result<(), EstimateError> + 'e),
 }

@@ -242,7 +242,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
         &mut self,
         beta: &[f64],
         motion: Option<&MotionSeries>,
-        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+        each: &mut dyn FnMut(&ChangedEfforts<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), DataError> {
         self.visit_changed_efforts(beta, motion, each)
     }

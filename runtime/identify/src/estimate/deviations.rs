@@ -22,6 +22,8 @@ const MIN_REMAINING_PART: f64 = 1e-3;
 const MIN_INDEPENDENT_SAMPLES: f64 = 20.0;
 /// What sampling leaves unknown is mentioned if it increases a standard deviation by at least this part.
 const MIN_MENTIONED_GROWTH: f64 = 0.1;
+/// How it is mentioned, behind a description of the deviations.
+pub(crate) const SAMPLING: &str = "; and what sampling leaves unknown of the motion";
 
 /// The covariance of an estimate whose residuals are correlated in time and across efforts.
 ///
@@ -95,7 +97,7 @@ impl Deviations {
     ///
     /// - `change`: the error of each parameter, in its unit.
     #[must_use]
-    pub fn with_change(&self, change: &[f64]) -> Self {
+    pub(crate) fn with_change(&self, change: &[f64]) -> Self {
         let n = self.degrees_of_freedom.len();
         if change.iter().all(|x| *x == 0.0) {
             return self.clone();
@@ -108,13 +110,14 @@ impl Deviations {
     /// The same with what sampling leaves unknown of the motion, and words for it: empty where no standard
     /// deviation grows by a tenth.
     ///
-    /// - `change`: by how much other derivatives of the positions would change each parameter.
+    /// - `change`: by how much other derivatives of the positions would change each parameter, in its
+    ///   unit.
     #[must_use]
-    pub fn with_sampling(&self, change: &[f64]) -> (Self, &'static str) {
+    pub(crate) fn with_sampling(&self, change: &[f64]) -> (Self, &'static str) {
         let found = self.with_change(change);
         let grows = |k: usize| found.sigma(k) > (1.0 + MIN_MENTIONED_GROWTH) * self.sigma(k);
         let words = if (0..change.len()).any(grows) {
-            "; and what sampling leaves unknown of the motion"
+            SAMPLING
         } else {
             ""
         };

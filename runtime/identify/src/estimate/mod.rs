@@ -18,6 +18,7 @@ mod solution;
 mod spectrum;
 
 pub use deviations::Deviations;
+pub(crate) use deviations::SAMPLING;
 pub use error::EstimateError;
 pub use factor::QrFactor;
 pub use noise::{Autoregression, ORDER};

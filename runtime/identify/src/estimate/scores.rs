@@ -93,7 +93,7 @@ impl Blocks {
     /// singular.
     ///
     /// - `kept`: the indices of the factor's parameters among all.
-    pub fn change(&self, factor: &QrFactor, kept: &[usize]) -> Vec<f64> {
+    pub(crate) fn change(&self, factor: &QrFactor, kept: &[usize]) -> Vec<f64> {
         let own = kept.iter().map(|k| self.change.get(*k).copied());
         let (Some(own), Some(gram)) = (own.collect::<Option<Vec<f64>>>(), inverse_gram(factor))
         else {

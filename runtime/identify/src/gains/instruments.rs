@@ -5,6 +5,8 @@
 //! simulation of each run with its payload, or the measured one after smoothing. Each round is
 //! then one of [`identify::instrumental`](crate::identify::instrumental).
 
+use std::rc::Rc;
+
 use super::linear::Linear;
 use super::optimum::Optimum;
 use super::planned::Planned;
@@ -16,8 +18,8 @@ use super::{CarriedRun, GainError, GainFit, GainOptions, Plan, origin};
 use crate::data::DataError;
 use crate::estimate::{EstimateError, Origin};
 use crate::identify::{
-    Equations, InstrumentOptions, Instrumental, InstrumentedEquations, MotionSeries, Source,
-    instrumental_of,
+    ChangedParameters, Equations, InstrumentOptions, Instrumental, InstrumentedEquations,
+    MotionSeries, Source, instrumental_of,
 };
 use regen_runtime::BaseModel;
 
@@ -147,10 +149,7 @@ where
     }
     let mut found = found.ok_or(GainError::NotConverged)?;
     let LinearisedEquations {
-        linear,
-        mut rows,
-        last,
-        ..
+        linear, mut rows, ..
     } = equations;
     let point = linear.point_at(&found.estimate.values);
     let weights = weights_of(&found);
@@ -161,7 +160,7 @@ where
         name: "instrumental variables",
         ..least.solved(&planned, plan, &own)
     };
-    let mut fit = solved.finish_instrumental(&mut rows, &mut found, &last)?;
+    let mut fit = solved.finish_instrumental(&mut rows, &mut found)?;
     fit.model.left_out.clone_from(&planned.idle);
     Ok(LoadedInstruments {
         fit,
@@ -188,7 +187,7 @@ struct LinearisedEquations<'a, 'r, 's, M: ?Sized, S: ?Sized> {
     rows: Rows<'r, M, S>,
     motions: &'s mut LoadedMotions<'s>,
     /// The present motions of the instruments.
-    last: Vec<MotionSeries>,
+    last: Vec<Rc<MotionSeries>>,
     /// Whether no round of the stage has been solved. The first round has measured currents in the
     /// columns of the gains: `k i = W x` is linear, so that a start far from the solution does no harm.
     /// Later rounds have predicted currents there, which have no noise.
@@ -213,8 +212,8 @@ where
             self.rows.require_instruments()?;
             return Ok(false);
         };
-        self.last.clone_from(&motions);
-        self.rows.set_instruments(motions)?;
+        self.last = motions.into_iter().map(Rc::new).collect();
+        self.rows.set_instruments(&self.last)?;
         Ok(true)
     }
 
@@ -222,6 +221,16 @@ where
         self.linear = self.linear.moved(values);
         self.is_first = false;
         true
+    }
+
+    fn changed(
+        &mut self,
+        values: &[f64],
+        weights: &[f64],
+        out: &mut ChangedParameters,
+    ) -> Result<(), GainError> {
+        let linear = self.linear.moved(values);
+        linear.changed(&mut self.rows, Some(&self.last), weights, out)
     }
 
     fn visit(

@@ -1,11 +1,17 @@
 //! The equations linearised at a point, over the unknowns that are independent there.
 
+use std::rc::Rc;
+
+use super::GainError;
 use super::payload::Load;
-use super::rows::Sample;
+use super::rows::{Rows, Sample};
 use super::statistics::Solved;
 use super::unknowns::{GainKind, Point, Unknowns, spread};
+use crate::data::DataError;
 use crate::estimate::{EstimateError, FactorSet, QrFactor};
+use crate::identify::{ChangedParameters, MotionSeries, Source};
 use crate::model::Covariance;
+use regen_runtime::BaseModel;
 
 /// An unknown of the linearised equations.
 #[derive(Clone, Copy, PartialEq)]
@@ -208,6 +214,40 @@ impl<'a> Linear<'a> {
             whole.merge(&own.scaled(weights[effort]))?;
         }
         Ok(whole)
+    }
+
+    /// Adds the equations of the efforts that change with other derivatives of the positions, in the
+    /// units in which efforts were measured.
+    ///
+    /// - `motions`: those of the instruments, one for each run; `weights`: of the efforts.
+    pub(super) fn changed<M, S>(
+        &self,
+        rows: &mut Rows<'_, M, S>,
+        motions: Option<&[Rc<MotionSeries>]>,
+        weights: &[f64],
+        out: &mut ChangedParameters,
+    ) -> Result<(), GainError>
+    where
+        M: BaseModel<f64> + ?Sized,
+        S: Source + ?Sized,
+        S::Error: Into<DataError>,
+    {
+        let (mut w, mut fitted) = (Vec::new(), Vec::new());
+        rows.changed_efforts(&self.x, motions, &mut |state| {
+            let sample = Sample {
+                w: state.w,
+                z: &[],
+                measured: state.change,
+                weights,
+                time: 0.0,
+                follows: false,
+            };
+            self.rows(&sample, &mut w, &mut fitted);
+            let change = state.change.iter().enumerate();
+            let change = change.map(|(effort, x)| self.inverse_gain(effort) * x);
+            let change: Vec<f64> = change.collect();
+            out.push((&mut w, &change), weights, state.rows)
+        })
     }
 
     /// Replaces the derivatives by gains as they are with measured efforts for the predicted ones.

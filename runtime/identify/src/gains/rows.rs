@@ -1,6 +1,8 @@
 //! The equations of runs with one row for each measured effort, in the unit in which it was
 //! measured.
 
+use std::rc::Rc;
+
 use nalgebra::DMatrix;
 
 use super::{CarriedRun, GainError};
@@ -134,11 +136,14 @@ where
     /// Adds instruments to the equations of the runs, or replaces those that they have.
     ///
     /// - `motions`: the motion of the instruments of each run.
-    pub(super) fn set_instruments(&mut self, motions: Vec<MotionSeries>) -> Result<(), GainError> {
+    pub(super) fn set_instruments(
+        &mut self,
+        motions: &[Rc<MotionSeries>],
+    ) -> Result<(), GainError> {
         crate::identify::require("motions", self.runs.len(), motions.len())?;
         let r = self.model.base_info().base.len();
         for ((replay, _), motion) in self.runs.iter_mut().zip(motions) {
-            let columns = InstrumentRegressor::new(self.model, motion)?;
+            let columns = InstrumentRegressor::new(self.model, motion.clone())?;
             replay.set_columns(if self.by_drive {
                 Box::new(BothByDrive {
                     rows: ByDrive::new(self.model),
@@ -228,28 +233,29 @@ where
         Ok(())
     }
 
-    /// Passes states of all runs with the efforts that change with other derivatives of the positions,
-    /// as `measured`, SI; see [`Source::changed_efforts`].
+    /// Passes states of all runs, each with the change of its efforts if the positions are
+    /// differentiated in another way, SI; see [`Source::changed_efforts`].
     ///
     /// - `x`: all base parameters; `motions`: those of the instruments, one for each run.
     pub(super) fn changed_efforts(
         &mut self,
         x: &[f64],
-        motions: Option<&[MotionSeries]>,
-        each: &mut dyn FnMut(&Sample<'_>),
+        motions: Option<&[Rc<MotionSeries>]>,
+        each: &mut dyn FnMut(&ChangedEfforts<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), GainError> {
-        let dof = self.efforts.len();
-        let weights = vec![1.0; dof];
+        let (dof, r) = (self.efforts.len(), x.len());
         let mut by_drive = self.by_drive.then(|| ByDrive::new(self.model));
         for (run, (replay, absent)) in self.runs.iter_mut().enumerate() {
             let beta = without(x, absent);
-            let motion = motions.and_then(|all| all.get(run));
+            let motion = motions.and_then(|all| all.get(run)).map(AsRef::as_ref);
             let mut changed = |state: &ChangedEfforts<'_>| {
+                crate::identify::require("w", dof * r, state.w.len())?;
+                crate::identify::require("change", dof, state.change.len())?;
                 let mut all = [state.w, state.change].concat();
                 if let Some(by_drive) = &mut by_drive {
                     let own = all.clone();
-                    if !matches!(by_drive.transform(state.q, &own, &mut all), Ok(true)) {
-                        return;
+                    if !by_drive.transform(state.q, &own, &mut all)? {
+                        return Ok(());
                     }
                 }
                 for column in absent.iter() {
@@ -257,15 +263,12 @@ where
                         own.fill(0.0);
                     }
                 }
-                let (w, change) = all.split_at(state.w.len());
-                each(&Sample {
+                let (w, change) = all.split_at(dof * r);
+                each(&ChangedEfforts {
                     w,
-                    z: &[],
-                    measured: change,
-                    weights: &weights,
-                    time: f64::NAN,
-                    follows: false,
-                });
+                    change,
+                    ..*state
+                })
             };
             let passed = replay.source().changed_efforts(&beta, motion, &mut changed);
             passed.map_err(|why| GainError::Data(why.into()))?;

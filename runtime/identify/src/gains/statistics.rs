@@ -16,7 +16,7 @@ use crate::estimate::{
     Autoregression, Blocks, Deviations, Estimate, EstimateError, FactorSet, ORDER, QrFactor,
     Residuals, Scores,
 };
-use crate::identify::{ChangedParameters, Instrumental, LeftOut, MotionSeries, Source};
+use crate::identify::{ChangedParameters, Instrumental, LeftOut, Source};
 use crate::qr_update::substitute;
 use crate::status::EffortContributions;
 use regen_runtime::BaseModel;
@@ -82,8 +82,9 @@ impl Solved<'_> {
             inside = sums.fraction_within_bound();
         }
         let deviations = blocks.deviations(&plain, &all, &estimate.values, inside)?;
-        let change = self.change_by_sampling(&linear, rows, None, &factor)?;
-        let (deviations, sampling) = deviations.with_sampling(&change);
+        let mut changed = ChangedParameters::new(labels);
+        linear.changed(rows, None, self.weights, &mut changed)?;
+        let (deviations, sampling) = deviations.with_sampling(&changed.finish(&factor));
         let sigmas = match self.huber {
             Some(huber) => huber.sigmas().to_vec(),
             None => self.problem.sigmas(self.point),
@@ -112,13 +113,10 @@ impl Solved<'_> {
     }
 
     /// The result of an estimate by instrumental variables at this point, whose errors are computed in SI.
-    ///
-    /// - `motions`: those of the instruments, one for each run.
     pub(super) fn finish_instrumental<M, S>(
         &self,
         rows: &mut Rows<'_, M, S>,
         found: &mut Instrumental,
-        motions: &[MotionSeries],
     ) -> Result<GainFit, GainError>
     where
         M: BaseModel<f64> + ?Sized,
@@ -139,15 +137,10 @@ impl Solved<'_> {
         for (own, gain) in estimate.efforts.iter_mut().zip(&gains) {
             *own = in_si(&own.name, own.rows, own.sigma, *gain);
         }
-        let labels = linear.labels(self.problem.set.labels(), &efforts);
-        let weighted = (self.problem.set, self.weights);
-        let factor = linear.factor(weighted, &linear.columns, &labels)?;
-        let change = self.change_by_sampling(&linear, rows, Some(motions), &factor)?;
-        let (deviations, sampling) = found.deviations.with_sampling(&change);
         let own = Found {
-            of: found.covariance_in_words() + sampling,
+            of: found.covariance_in_words(),
             estimate,
-            deviations,
+            deviations: found.deviations.clone(),
             errors,
             correlation_length: found.correlation_length(),
         };
@@ -210,33 +203,6 @@ impl Solved<'_> {
             left_out: LeftOut::default(),
             is_robot_exact,
         })
-    }
-
-    /// By how much each unknown would change with other derivatives of the positions.
-    ///
-    /// - `motions`: those of the instruments, one for each run;
-    /// - `whole`: the QR factor of the linearised equations.
-    fn change_by_sampling<M, S>(
-        &self,
-        linear: &Linear<'_>,
-        rows: &mut Rows<'_, M, S>,
-        motions: Option<&[MotionSeries]>,
-        whole: &QrFactor,
-    ) -> Result<Vec<f64>, GainError>
-    where
-        M: BaseModel<f64> + ?Sized,
-        S: Source + ?Sized,
-        S::Error: Into<DataError>,
-    {
-        let mut found = ChangedParameters::new(whole.labels().to_vec());
-        let (mut w, mut fitted) = (Vec::new(), Vec::new());
-        rows.changed_efforts(&linear.x, motions, &mut |sample| {
-            linear.rows(sample, &mut w, &mut fitted);
-            let change = sample.measured.iter().enumerate();
-            let change = change.map(|(effort, x)| linear.inverse_gain(effort) * x);
-            found.push(&mut w, &change.collect::<Vec<f64>>(), self.weights);
-        })?;
-        Ok(found.finish(whole))
     }
 
     /// The standard deviation of the weighted residuals.

@@ -25,7 +25,9 @@ pub use filtering::{Filtering, Standstill};
 pub use instruments::{
     Hausman, InstrumentOptions, Instrumental, MotionSeries, MotionSource, instrumental,
 };
-pub(crate) use instruments::{InstrumentRegressor, InstrumentedEquations, instrumental_of};
+pub(crate) use instruments::{
+    InstrumentRegressor, InstrumentedEquations, TrackedMotion, instrumental_of,
+};
 pub use motion::{Completed, CompletedStates, Completeness, Completion};
 pub(crate) use passes::identify_and_store;
 pub use passes::{

@@ -37,20 +37,22 @@ pub trait Source {
     /// How the equations of the rows are filtered, decimated and left out at standstill.
     fn filtering(&self) -> Filtering;
 
-    /// Passes states with the efforts that change if the same positions are differentiated in another
-    /// way: what sampling leaves unknown of the motion. There are none where motion is not
-    /// differentiated from positions, as here.
+    /// Passes some hundred states, each with the change of its predicted efforts if the same positions
+    /// are differentiated in another way: what sampling leaves unknown of the motion. There are none
+    /// where motion is not differentiated from positions, as here.
     ///
-    /// - `beta`: the base parameters that predict the efforts, SI;
-    /// - `motion`: a motion in place of the measured one, see [`instrumental`](super::instrumental).
+    /// - `beta`: the r base parameters that predict the efforts, SI;
+    /// - `motion`: for [`instrumental`](super::instrumental) variables their motion, in place of the
+    ///   measured one, whose noise both ways of differentiation would pass to different extents. A log
+    ///   whose motion is a series or the average of its periods is compared as it was measured.
     ///
     /// # Errors
-    /// When the log cannot be read, or the motion is not that of the model.
+    /// When the log cannot be read, or the motion is not that of the model, and the errors of `each`.
     fn changed_efforts(
         &mut self,
         beta: &[f64],
         motion: Option<&MotionSeries>,
-        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+        each: &mut dyn FnMut(&ChangedEfforts<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), Self::Error> {
         let _ = (beta, motion, each);
         Ok(())

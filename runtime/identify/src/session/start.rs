@@ -147,7 +147,7 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
     let values = &identified.estimate.values;
     let change = logs
         .logs()
-        .discretisation(values, &weights, &identified.factor, None)?;
+        .discretisation(values, &weights, &identified.factor)?;
     let blocks = identified
         .blocks
         .clone()

@@ -85,8 +85,11 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
         &mut self,
         beta: &[f64],
         motion: Option<&MotionSeries>,
-        each: &mut dyn FnMut(&ChangedEfforts<'_>),
+        each: &mut dyn FnMut(&ChangedEfforts<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), DataError> {
-        self.logs.changed_efforts(beta, motion, each)
+        self.watch.phase("comparing derivatives");
+        let result = self.logs.changed_efforts(beta, motion, each);
+        self.watch.finished();
+        result
     }
 }

@@ -121,7 +121,7 @@ mod tests {
     use super::*;
     use crate::estimate::{EstimateError, Origin};
     use crate::identify::instruments::instrumental_of;
-    use crate::identify::{InstrumentOptions, Instrumental};
+    use crate::identify::{ChangedParameters, InstrumentOptions, Instrumental};
 
     /// Equations of one effort and two unknowns: rows of W, rows of Z, right-hand sides.
     struct Rows(Vec<([f64; 2], [f64; 2], f64)>);
@@ -145,6 +145,15 @@ mod tests {
 
         fn linearise(&mut self, _: &[f64]) -> bool {
             false
+        }
+
+        fn changed(
+            &mut self,
+            _: &[f64],
+            _: &[f64],
+            _: &mut ChangedParameters,
+        ) -> Result<(), EstimateError> {
+            Ok(())
         }
 
         fn visit(

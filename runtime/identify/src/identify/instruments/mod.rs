@@ -18,9 +18,13 @@ mod hausman;
 mod motion;
 mod regressor;
 mod sums;
+mod tracked;
 
 pub use motion::MotionSeries;
 pub(crate) use regressor::InstrumentRegressor;
+pub(crate) use tracked::TrackedMotion;
+
+use std::rc::Rc;
 
 use deviations::{Correlated, deviations};
 use hausman::{covariances, hausman};
@@ -29,9 +33,10 @@ use sums::{Solution, Sums};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::passes::{Source, predicted};
 use super::replay::Replay;
+use super::sampling::ChangedParameters;
 use super::stream::LeftOut;
 use crate::estimate::{
-    Deviations, EffortError, Estimate, EstimateError, Origin, Residuals, Weighting,
+    Deviations, EffortError, Estimate, EstimateError, Origin, Residuals, SAMPLING, Weighting,
     bartlett_stretches,
 };
 use regen_runtime::BaseModel;
@@ -95,8 +100,11 @@ pub struct Instrumental {
     /// The parameters with the covariance for white residuals. The residuals include the errors of
     /// the regressor and those of the efforts.
     pub estimate: Estimate,
-    /// The covariance that accounts for the residuals' correlation in time.
+    /// The covariance that accounts for the residuals' correlation in time, and for what the sampling of
+    /// the motion leaves unknown.
     pub deviations: Deviations,
+    /// Whether the sampling of the motion increases a standard deviation by more than a tenth.
+    pub is_coarsely_sampled: bool,
     /// The least-squares parameters of the same equations with the same weights, SI.
     pub least_squares: Vec<f64>,
     /// The test whether both estimates differ.
@@ -138,12 +146,18 @@ impl Instrumental {
 
     /// Describes how the standard deviations account for the residuals' correlation.
     pub fn covariance_in_words(&self) -> String {
-        self.hac_bandwidth.map_or_else(
+        let of = self.hac_bandwidth.map_or_else(
             || self.deviations.in_words(),
             |bandwidth| {
                 format!("whitened scores correlated in {bandwidth} samples (Newey and West)")
             },
-        )
+        );
+        let sampling = if self.is_coarsely_sampled {
+            SAMPLING
+        } else {
+            ""
+        };
+        format!("{of}{sampling}")
     }
 
     /// The index of the parameter whose instrument has the smallest correlation with its column,
@@ -201,6 +215,17 @@ pub(crate) trait InstrumentedEquations {
         &mut self,
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), Self::Error>;
+
+    /// Adds the equations of the instruments' motion with other derivatives, see
+    /// [`Source::changed_efforts`].
+    ///
+    /// - `weights`: of the efforts.
+    fn changed(
+        &mut self,
+        values: &[f64],
+        weights: &[f64],
+        out: &mut ChangedParameters,
+    ) -> Result<(), Self::Error>;
 }
 
 /// The equations of the base parameters.
@@ -208,6 +233,8 @@ struct BaseEquations<'a, 'f, M: ?Sized, S: Source + ?Sized> {
     model: &'a M,
     replay: Replay<'a, M, S>,
     motion: &'f mut MotionSource<'f, S::Error>,
+    /// The present motion of the instruments.
+    last: Option<Rc<MotionSeries>>,
 }
 
 impl<M: BaseModel<f64> + ?Sized, S: Source + ?Sized> InstrumentedEquations
@@ -223,8 +250,10 @@ impl<M: BaseModel<f64> + ?Sized, S: Source + ?Sized> InstrumentedEquations
         let Some(motion) = (self.motion)(values)? else {
             return Ok(false);
         };
-        let columns = InstrumentRegressor::new(self.model, motion)?;
+        let motion = Rc::new(motion);
+        let columns = InstrumentRegressor::new(self.model, motion.clone())?;
         self.replay.set_columns(Box::new(columns));
+        self.last = Some(motion);
         Ok(true)
     }
 
@@ -241,6 +270,22 @@ impl<M: BaseModel<f64> + ?Sized, S: Source + ?Sized> InstrumentedEquations
                 return Ok(());
             }
             each(rows)
+        })
+    }
+
+    fn changed(
+        &mut self,
+        values: &[f64],
+        weights: &[f64],
+        out: &mut ChangedParameters,
+    ) -> Result<(), S::Error> {
+        let motion = self.last.as_deref();
+        let mut w = Vec::new();
+        let source = self.replay.source();
+        source.changed_efforts(values, motion, &mut |state| {
+            w.clear();
+            w.extend_from_slice(state.w);
+            out.push((&mut w, state.change), weights, state.rows)
         })
     }
 }
@@ -262,11 +307,13 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     start: &[f64],
     motion: &mut MotionSource<'_, S::Error>,
 ) -> Result<Instrumental, S::Error> {
-    let none = InstrumentRegressor::new(model, MotionSeries::new(model.info().dof()))?;
+    let none = Rc::new(MotionSeries::new(model.info().dof()));
+    let none = InstrumentRegressor::new(model, none)?;
     let mut equations = BaseEquations {
         model,
         replay: Replay::with_columns(model, EquationKind::Forces, source, Box::new(none)),
         motion: &mut |values| motion(values),
+        last: None,
     };
     let found = instrumental_of(&mut equations, options, start, None)?;
     Ok(Instrumental {
@@ -354,6 +401,10 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
         let freedom = freedom.min(estimate.degrees_of_freedom as f64);
         deviations = deviations.with_covariance(covariance.instrumental, freedom);
     }
+    let mut changed = ChangedParameters::new(origin.labels.clone());
+    equations.changed(&found.solution.values, &found.weights, &mut changed)?;
+    let change = changed.finish(&found.solution.factor);
+    let (deviations, sampling) = deviations.with_sampling(&change);
     let test = hausman(
         &found.solution.least_squares,
         &found.solution.values,
@@ -363,6 +414,7 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
     Ok(Instrumental {
         estimate,
         deviations,
+        is_coarsely_sampled: !sampling.is_empty(),
         test,
         relevance: core::mem::take(&mut found.solution.relevance),
         least_squares: found.solution.least_squares,

@@ -66,6 +66,18 @@ impl MotionSeries {
         Ok(())
     }
 
+    /// Adds a run of samples whose motion is not known: NaN.
+    ///
+    /// - `times`: s; they increase.
+    pub fn push_unknown(&mut self, times: &[f64]) {
+        for (k, time) in times.iter().enumerate() {
+            self.times.push(*time);
+            self.follows.push(k > 0);
+            self.values
+                .extend(core::iter::repeat_n(f64::NAN, 3 * self.dof));
+        }
+    }
+
     /// Reads the measured motion of a log.
     ///
     /// # Errors
@@ -117,17 +129,6 @@ impl MotionSeries {
         })
     }
 
-    /// The index of the sample at a time, searched after the sample `last`.
-    pub(crate) fn find(&self, last: Option<usize>, time: f64) -> Option<usize> {
-        let from = last.map_or(0, |k| k + 1);
-        let rest = self.times.get(from..)?;
-        // every pass reads the same times, so the two agree up to rounding
-        let place = rest
-            .iter()
-            .position(|t| (t - time).abs() <= 1e-9 * (1.0 + time.abs()))?;
-        Some(from + place)
-    }
-
     /// The runs of consecutive samples.
     pub fn runs(&self) -> Vec<core::ops::Range<usize>> {
         let mut out = Vec::new();
@@ -148,7 +149,7 @@ impl MotionSeries {
     }
 
     /// Smooths the positions by a zero-phase filter and differentiates them; returns this motion,
-    /// and the filter's cutoff frequency in Hz. Runs too short for the filter are left out.
+    /// and the filter's cutoff frequency in Hz. Runs too short for the filter have no motion: they are NaN.
     ///
     /// Without a given cutoff, the lowest one that removes little but noise is chosen: what the
     /// filter removes has no more variance than white noise of the size that the fourth
@@ -193,10 +194,14 @@ impl MotionSeries {
             cutoff,
         };
         let mut out = Self::new(self.dof);
-        for run in runs.iter().filter(|run| run.len() >= MIN_RUN_SAMPLES) {
+        for run in &runs {
             let Some(times) = self.times.get(run.clone()) else {
                 continue;
             };
+            if run.len() < MIN_RUN_SAMPLES {
+                out.push_unknown(times);
+                continue;
+            }
             let pad = padding(times, cutoff)?;
             let around = mirrored(times, pad);
             let mut all = Vec::with_capacity(self.dof);

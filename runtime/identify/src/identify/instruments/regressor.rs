@@ -1,33 +1,33 @@
 //! The instruments as columns beside those of the regressor.
 
+use std::rc::Rc;
+
 use super::MotionSeries;
+use super::tracked::TrackedMotion;
 use crate::estimate::EstimateError;
 use crate::identify::equation_builder::StateSample;
 use crate::identify::stream::Columns;
-use regen_runtime::{BaseModel, ClosureError, LoopClosure, Outcome, Status};
+use regen_runtime::{BaseModel, ClosureError, Status};
 
 /// The regressor at the motion of the instruments.
 pub(crate) struct InstrumentRegressor<'m, M: ?Sized> {
     model: &'m M,
-    closure: LoopClosure<'m, M>,
-    motion: MotionSeries,
-    /// The index of the last sample in `motion`.
-    last: Option<usize>,
-    /// The positions at that sample, of all coordinates.
+    tracked: TrackedMotion<'m, M>,
+    motion: Rc<MotionSeries>,
+    /// The positions at the sample that was filled last, of all coordinates.
     q: Vec<f64>,
 }
 
 impl<'m, M: BaseModel<f64> + ?Sized> InstrumentRegressor<'m, M> {
-    pub(crate) fn new(model: &'m M, motion: MotionSeries) -> Result<Self, EstimateError> {
-        let closure = LoopClosure::new(model).map_err(|why| match why {
+    pub(crate) fn new(model: &'m M, motion: Rc<MotionSeries>) -> Result<Self, EstimateError> {
+        let tracked = TrackedMotion::new(model).map_err(|why| match why {
             ClosureError::Size(error) => EstimateError::from(error),
             _ => EstimateError::NoConvergence,
         })?;
         Ok(Self {
             model,
-            closure,
+            tracked,
             motion,
-            last: None,
             q: Vec::new(),
         })
     }
@@ -49,23 +49,10 @@ impl<M: BaseModel<f64> + ?Sized> Columns for InstrumentRegressor<'_, M> {
         _: &[f64],
         out: &mut [f64],
     ) -> Result<bool, EstimateError> {
-        let Some(at) = self.motion.find(self.last, row.time) else {
+        let Some(found) = self.tracked.state_at(&self.motion, row.time)? else {
             return Ok(false);
         };
-        if !self.motion.follows(at) {
-            self.closure.restart();
-        }
-        self.last = Some(at);
-        let [q_i, qd_i, qdd_i] = self.motion.state(at);
-        let state = self.closure.track_state(q_i, qd_i, qdd_i);
-        let state = match state {
-            Ok(state) => state,
-            Err(ClosureError::Size(error)) => return Err(error.into()),
-            Err(_) => return Ok(false),
-        };
-        if state.outcome != Outcome::Closed {
-            return Ok(false);
-        }
+        let state = found.state;
         let condition = self
             .model
             .base_regressor(&state.q, &state.qd, &state.qdd, out)?;
@@ -74,7 +61,6 @@ impl<M: BaseModel<f64> + ?Sized> Columns for InstrumentRegressor<'_, M> {
     }
 
     fn restart(&mut self) {
-        self.last = None;
-        self.closure.restart();
+        self.tracked.restart();
     }
 }
