@@ -5,7 +5,7 @@ use regen_experiment::simulate::{
     Drive, Noise, Pid, Sensors, Settings, Termination, nominal_friction, perturb_parameters,
     simulate,
 };
-use regen_generated::{fivebar, rps3, rps3_friction};
+use regen_generated::{fivebar, puma560, rps3, rps3_friction};
 use regen_runtime::{Friction, Info, JointFriction, Model};
 
 fn nominal(info: &Info<'_>) -> Vec<f64> {
@@ -181,6 +181,26 @@ fn a_five_bar_pushed_out_of_its_workspace_ends_the_simulation() {
     assert!(matches!(log.ended, Termination::Open(_)), "{:?}", log.ended);
     assert!(log.residual < 1e-9);
     assert!(log.q.iter().all(|x| x.is_finite()));
+}
+
+#[test]
+fn an_unstable_loop_ends_soon_after_its_joints_have_left_the_reference() {
+    let model = puma560::Puma560;
+    let info = Model::<f64>::info(&model);
+    let settings = Settings {
+        duration: 10.0,
+        // much too stiff for the wrist at 100 samples a second
+        pid: pid(&info, 1e4, 0.0, 2e2),
+        ..Settings::default()
+    };
+    let log = simulate(&model, &nominal(&info), &swing(&info, 0.3), &settings).unwrap();
+    assert_eq!(log.ended, Termination::Diverged);
+    assert!(
+        log.t.len() < 1000 && log.steps < 20_000,
+        "{} {}",
+        log.t.len(),
+        log.steps
+    );
 }
 
 #[test]

@@ -54,7 +54,12 @@ impl<F: FnMut(&ControllerInput<'_>, &mut [f64])> Controller for F {
     }
 }
 
-/// The PID controllers of the actuated joints; the command of each is added to a constant effort.
+/// A joint this far from its reference, rad or m, has left it for good: the loop is unstable. The
+/// faster it goes, the shorter the steps of the integration become, so that the run is ended here.
+const LOST_DISTANCE: f64 = 100.0;
+
+/// The PID controllers of the actuated joints; the command of each is added to a constant effort. Joints
+/// that have left their reference for good get no command (NaN), which ends the run.
 #[derive(Clone, Debug)]
 pub(super) struct PidControllers<'a> {
     pub(super) pid: &'a [Pid],
@@ -91,7 +96,9 @@ impl Controller for PidControllers<'_> {
             let drive = self.drives.get(k).copied().unwrap_or_default();
             // the limits of the effort that the PID controller adds to the offset
             let limit = drive.limit.map(|l| l.map(|bound| bound - offset));
-            efforts[k] = offset + pid.command(state, error, now.period, limit);
+            let effort = offset + pid.command(state, error, now.period, limit);
+            let is_lost = error.abs() > LOST_DISTANCE;
+            efforts[k] = if is_lost { f64::NAN } else { effort };
         }
     }
 }
