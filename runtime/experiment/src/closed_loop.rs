@@ -136,10 +136,10 @@ pub struct LoopRun {
 /// };
 /// let closed_loop = ClosedLoop {
 ///     reference: &swing,
-///     lead: 0.5,
+///     lead: 0.04,
 ///     controllers: Controllers::Tuned { bandwidth: 5.0, given: &[] },
 /// };
-/// let times = [1.0, 1.25, 1.5];
+/// let times = [1.0, 1.02, 1.04];
 /// let run = simulate_loop(&models::Pendulum, &closed_loop, &[0.02, 0.1], &times)?;
 /// assert_eq!((run.lead, run.log.t.len()), (2, 5));
 /// let log = follow(&models::Pendulum, &closed_loop, &[0.02, 0.1], &times)?;
