@@ -75,8 +75,8 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         if !self.files.iter().any(differs) {
             return Ok(());
         }
-        // a series is that of the measured positions, and the motion of an average has only the rows of
-        // one period
+        // two kinds of logs are compared as they were measured: with a series, which is fitted to the
+        // measured positions, and averaged over their periods, as the motion has the rows of one period
         let is_series = self.files.iter().any(|log| log.series.is_some());
         let motion = motion.filter(|_| !is_series && self.settings.period.is_none());
         let mut replaced = match motion {
@@ -89,7 +89,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             rows: 1.0,
             each,
         };
-        // a file without a change stands for itself
+        // files whose derivatives do not depend on the method count too: nothing changes in them
         for (log, report) in self.files.iter().zip(&self.reports) {
             self.changes(log, report.rows, replaced.as_mut(), &mut out)?;
         }
