@@ -119,8 +119,8 @@ impl MotionSeries {
         self.follows.get(at).copied().unwrap_or(false)
     }
 
-    /// Positions, velocities and accelerations of a sample (dof each); empty if there is no such
-    /// sample.
+    /// Positions, velocities and accelerations of a sample (dof each); NaN where they are not known, and
+    /// empty if there is no such sample.
     pub fn state(&self, at: usize) -> [&[f64]; 3] {
         let start = 3 * self.dof * at;
         [0, 1, 2].map(|d| {
