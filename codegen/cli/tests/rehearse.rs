@@ -266,6 +266,53 @@ fn mistakes_of_a_rehearsal_are_reported_with_the_remedy() {
     }
 }
 
+#[test]
+fn nonlinear_friction_is_scored_against_the_simulated_one() {
+    let dir = prepared("rehearse_friction");
+    let spec = SPEC.replace(
+        "nominal: {Fv: 4.0, Fc: 1.0}",
+        "nominal: {Fc: 2.0, Fv: 3.0, delta: 0.5}",
+    );
+    let spec = spec.replacen("friction: linear", "friction: power", 1);
+    fs::write(dir.join("power.yaml"), spec).unwrap();
+    let words = "rehearse power.yaml --trajectory m.json --noise 1e-5,0.02 --perturb 0.1 --friction \
+                 --butterworth 4,15 --duration 6 --bandwidth 6 --draws 20 --seeds 3 --score 0 --format json";
+    let json = run(&dir, words).ended(0).json();
+    assert_eq!(json["failed"], Value::Array(vec![]));
+    let rows = json["parameters"].as_array().unwrap();
+    let of = |value: &Value, key: &str| value[key].as_f64().unwrap();
+    for (label, nominal, error) in [
+        ("Fc(x)", 2.0, 0.1),
+        ("Fv(x)", 3.0, 0.1),
+        ("delta(x)", 0.5, 0.2),
+    ] {
+        let row = rows.iter().find(|row| row["label"] == label).unwrap();
+        let truth = of(row, "truth");
+        assert!((truth / nominal - 1.0).abs() <= 0.1, "{row}");
+        assert!((of(row, "mean") / truth - 1.0).abs() < error, "{row}");
+        assert!(of(row, "sigma") > 0.0, "{row}");
+    }
+    // the true model has the friction too: what it leaves is noise and what the filter does
+    let [ours, exact] = ["relative_absolute", "relative_absolute_of_truth"].map(|k| of(&json, k));
+    assert!(
+        exact > 0.01 && exact < 5.0 && ours < 1.2 * exact,
+        "{ours} {exact}"
+    );
+    // least squares does not seek it
+    let json = run(
+        &dir,
+        &words.replace("--friction ", "").replace("--draws 20", ""),
+    )
+    .ended(0)
+    .json();
+    let rows = json["parameters"].as_array().unwrap();
+    assert!(
+        rows.iter()
+            .all(|row| !row["label"].as_str().unwrap().starts_with("delta"))
+    );
+    assert!((of(&json, "relative_absolute_of_truth") - exact).abs() < 1e-9);
+}
+
 /// A crane whose rod carries a load in the second run; both efforts are logged as currents.
 #[test]
 fn gains_and_a_payload_are_scored_against_the_simulated_ones() {

@@ -13,6 +13,7 @@
 mod chance;
 mod error;
 mod estimate;
+mod friction;
 mod loads;
 mod plan;
 mod score;

@@ -38,8 +38,8 @@ pub struct Score {
     pub relative_absolute: Option<f64>,
     /// The eps_RA of the true parameters on it: the part of noise and unmodelled effects.
     pub relative_absolute_of_truth: Option<f64>,
-    /// The scores of each base parameter, then of unknown gains, then of the identified parameters
-    /// of payloads: mass, centre of mass and inertia about it.
+    /// The scores of each base parameter, then of nonlinear friction, then of unknown gains, then of
+    /// the identified parameters of payloads: mass, centre of mass and inertia about it.
     pub parameters: Vec<ParameterScore>,
 }
 

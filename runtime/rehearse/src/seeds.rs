@@ -13,6 +13,7 @@ use regen_runtime::{BaseModel, Model};
 
 use crate::error::RehearseError;
 use crate::estimate::Estimator;
+use crate::friction;
 use crate::loads::Loads;
 use crate::score::Score;
 use crate::trial::{Fit, Trial};
@@ -142,6 +143,9 @@ where
     let known = rehearsal.parameters();
     BaseModel::<f64>::to_base(model, &known, &mut truth)?;
     let fresh = rehearsal.fresh(&truth)?;
+    let (more, values) = friction::truth(&rehearsal.sought_friction());
+    labels.extend(more);
+    truth.extend(values);
     if let Some(loads) = &rehearsal.loads {
         let (more, values) = loads.truth(&Model::<f64>::info(model), &known);
         labels.extend(more);
@@ -184,8 +188,9 @@ where
     let trials: Result<Vec<Trial>, RehearseError> =
         done.into_iter().map(|(_, trial)| trial).collect();
     let mut trials = trials?;
-    if rehearsal.loads.is_some() {
-        // parameters of payloads that are given, or that no fit determines, are not scored
+    if rehearsal.loads.is_some() || labels.len() > base.base.len() {
+        // shapes of friction and parameters of payloads that are given, or that no fit determines, are
+        // not scored
         let fits = || {
             trials
                 .iter()

@@ -5,20 +5,22 @@ use std::fs;
 
 use regen_experiment::simulate::{LogColumns, Settings, Termination, simulate};
 use regen_identify::data::Run;
+use regen_identify::friction::JointFit;
 use regen_identify::model::{IdentifiedModel, Interval};
 use regen_identify::session::{Session, Silent, compare};
 use regen_response::Number;
 use regen_runtime::{BaseModel, Model};
 
 use crate::error::RehearseError;
-use crate::estimate::{Made, estimate};
+use crate::estimate::{Estimator, Made, estimate};
+use crate::friction;
 use crate::loads::Loads;
 use crate::seeds::Rehearsal;
 
 /// The estimate of a seed.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
-    /// The base parameters, r.
+    /// The base parameters, r, then nonlinear friction, then gains and payloads.
     pub(crate) values: Vec<f64>,
     /// Their intervals; `None` where the data do not determine a value.
     pub(crate) intervals: Vec<Option<Interval>>,
@@ -88,10 +90,11 @@ where
             Some(fresh) => self.error_of(&session, fresh, &found)?,
             None => None,
         };
-        let more = self.loads.as_ref().map(|loads| loads.found(&found));
+        let friction = friction::found(&self.sought_friction(), &found);
+        let loads = self.loads.as_ref().map(|loads| loads.found(&found));
         let (mut values, mut intervals) = (found.beta, found.intervals.base);
         intervals.resize(values.len(), None);
-        if let Some((own, of_own)) = more {
+        for (own, of_own) in core::iter::once(friction).chain(loads) {
             values.extend(own);
             intervals.extend(of_own);
         }
@@ -111,21 +114,36 @@ where
         }
     }
 
+    /// The nonlinear friction of the simulated robot.
+    fn true_friction(&self) -> Vec<JointFit> {
+        let info = Model::<f64>::info(self.model);
+        friction::true_friction(&info, &self.twin.settings.friction)
+    }
+
+    /// The nonlinear friction that the estimator identifies, with its true values.
+    pub(crate) fn sought_friction(&self) -> Vec<JointFit> {
+        match self.estimator {
+            Estimator::Physical { friction: true, .. } => self.true_friction(),
+            _ => Vec::new(),
+        }
+    }
+
     /// Simulates the fresh run, which the estimates predict, and returns it with the eps_RA of the
-    /// true base parameters, percent; `None` if it cannot be simulated or read to its end.
+    /// true base parameters and friction, percent; `None` if it cannot be simulated or read to its end.
     pub(crate) fn fresh(&self, truth: &[f64]) -> Result<Option<(Run, f64)>, RehearseError> {
         let longest = self.durations.iter().fold(0.0, |a: f64, b| a.max(*b));
         let number = self.durations.len();
         let Ok(run) = self.log(self.first, number, longest, "fresh.csv")? else {
             return Ok(None);
         };
-        let true_model = match &self.loads {
+        let mut true_model = match &self.loads {
             Some(loads) => loads.true_model(truth),
             None => IdentifiedModel {
                 beta: truth.to_vec(),
                 ..IdentifiedModel::default()
             },
         };
+        true_model.friction = self.true_friction();
         match self.error_of(&self.session(), &run, &true_model) {
             Ok(error) => Ok(error.map(|error| (run, error))),
             Err(why) if why.is_of_one_seed() => Ok(None),

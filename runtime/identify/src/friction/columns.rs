@@ -88,8 +88,8 @@ impl FrictionColumns<'_> {
         places
     }
 
-    /// The entries of the columns at each sample of a run, in the order of
-    /// [`places`](Self::places), filtered as the equations are.
+    /// The entries of the columns of a run in the order of [`places`](Self::places), averaged and
+    /// filtered as the equations are.
     pub(super) fn entries(
         &self,
         data: &FrictionData,
@@ -137,7 +137,7 @@ impl FrictionColumns<'_> {
             }
         }
         let channels = out.len().checked_div(run.times.len()).unwrap_or(0);
-        data.smoothing.apply(&run.times, out, channels)
+        run.filter(&data.filtering, out, channels)
     }
 }
 

@@ -6,7 +6,8 @@ use super::columns::FrictionColumns;
 use super::reduced::{Linearised, Reduced};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
-use crate::signals::Smoothing;
+use crate::identify::Filtering;
+use crate::signals::SignalError;
 use regen_runtime::friction::SHAPES;
 use regen_runtime::{Condition, Friction, Model, SizeError};
 
@@ -69,7 +70,7 @@ pub struct FrictionData {
     pub(super) joints: Vec<FrictionJoint>,
     pub(super) laws: Vec<Friction>,
     dof: usize,
-    pub(super) smoothing: Smoothing,
+    pub(super) filtering: Filtering,
     /// The weighted regressor, equation by equation: dof x columns, column by column.
     pub(super) w: Vec<f64>,
     /// The weighted efforts, dof for each equation.
@@ -89,8 +90,51 @@ pub(super) struct Run {
     pub(super) qd: Vec<f64>,
     /// See [`directions`], sample by sample: dof x joints, joint by joint.
     pub(super) directions: Vec<f64>,
-    /// The indices of the samples that have equations.
+    /// The number of samples whose equations are averaged; 0 stands for 1 as long as there is one sample.
+    averaged: usize,
+    /// The indices of the averages that have equations.
     pub(super) equations: Vec<usize>,
+}
+
+impl Run {
+    /// The times of the averages of samples, s; samples that are too few for a last one have none.
+    fn averages(&self) -> Vec<f64> {
+        let averaged = self.averaged.max(1);
+        let groups = self.times.chunks_exact(averaged);
+        groups.map(mean).collect()
+    }
+
+    /// Averages and filters series as the equations are.
+    ///
+    /// - `values`: `width` entries for each sample; then as many for each average.
+    pub(super) fn filter(
+        &self,
+        filtering: &Filtering,
+        values: &mut Vec<f64>,
+        width: usize,
+    ) -> Result<(), SignalError> {
+        let averaged = self.averaged.max(1);
+        let times = self.averages();
+        if averaged > 1 {
+            for group in 0..times.len() {
+                for k in 0..width {
+                    let own =
+                        (group * averaged..(group + 1) * averaged).map(|i| values[i * width + k]);
+                    values[group * width + k] = own.sum::<f64>() / averaged as f64;
+                }
+            }
+            values.truncate(times.len() * width);
+        }
+        filtering.smoothing.apply(&times, values, width)
+    }
+}
+
+/// The mean of some values; a single one is its own mean, to the last digit.
+fn mean(values: &[f64]) -> f64 {
+    match values {
+        [one] => *one,
+        _ => values.iter().sum::<f64>() / values.len() as f64,
+    }
 }
 
 /// The equations of one sample, for given shapes of friction.
@@ -131,7 +175,7 @@ impl FrictionData {
             laws: joints.iter().map(law).collect::<Result<_, _>>()?,
             joints: joints.to_vec(),
             dof,
-            smoothing: Smoothing::None,
+            filtering: Filtering::default(),
             w: Vec::new(),
             tau: Vec::new(),
             weights: Vec::new(),
@@ -141,10 +185,10 @@ impl FrictionData {
         })
     }
 
-    /// Sets the filter that the added equations have already passed; the columns of friction pass
-    /// it too.
-    pub(super) fn filtered(mut self, smoothing: Smoothing) -> Self {
-        self.smoothing = smoothing;
+    /// Sets the filter that the added equations have already passed; the columns of friction are
+    /// averaged and filtered as they were.
+    pub(super) fn filtered(mut self, filtering: Filtering) -> Self {
+        self.filtering = filtering;
         self
     }
 
@@ -211,6 +255,9 @@ impl FrictionData {
         }
         if let Some(run) = self.runs.last_mut() {
             run.times.push(time);
+            if let [first, second] = run.times[..] {
+                run.averaged = self.filtering.averaged(second - first);
+            }
             run.qd.extend(qd);
             run.directions.extend(directions);
         }
@@ -230,8 +277,10 @@ impl FrictionData {
             return Ok(());
         };
         let after = run.equations.last().map_or(0, |last| last + 1);
-        let remaining = run.times.get(after..).unwrap_or_default();
-        let Some(place) = remaining.iter().position(|t| t.total_cmp(&time).is_eq()) else {
+        let averaged = run.averaged.max(1);
+        let remaining = run.times.get(after * averaged..).unwrap_or_default();
+        let mut groups = remaining.chunks_exact(averaged);
+        let Some(place) = groups.position(|group| mean(group).total_cmp(&time).is_eq()) else {
             return Err(EstimateError::Size {
                 what: "samples of friction",
                 expected: run.times.len() + 1,

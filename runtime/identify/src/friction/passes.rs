@@ -122,7 +122,7 @@ where
         .labels;
     let at = places(model, joints.iter().map(|j| j.name.clone()))?;
     let data = FrictionData::new(&labels, joints, model.info().dof())?;
-    let data = RefCell::new(data.filtered(source.filtering().smoothing));
+    let data = RefCell::new(data.filtered(source.filtering()));
     let mut recorder = Recorder {
         model,
         at: &at,

@@ -54,7 +54,7 @@ impl FrictionData {
                     }
                 }
             }
-            self.smoothing.apply(&run.times, &mut friction, dof)?;
+            run.filter(&self.filtering, &mut friction, dof)?;
             for (index, (equation, sample)) in (first..).zip(&run.equations).enumerate() {
                 if index == 0 {
                     out.interrupt();

@@ -4,6 +4,7 @@
 use regen_identify::feasibility::FeasibilityError;
 use regen_identify::friction::{FrictionJoint, JointFit, collect, directions, residuals};
 use regen_identify::identify::{Filtering, Recorded, Source, StateSample};
+use regen_identify::signals::Smoothing;
 use regen_runtime::{Friction, LoopClosure, State};
 
 use crate::friction::force;
@@ -136,6 +137,45 @@ fn a_log_is_collected_without_its_singular_samples() {
         friction: Friction::Atan,
     };
     assert!(collect(&model, &mut made, &[other]).is_err());
+}
+
+/// At 500 samples per second and a cutoff of 2 Hz the equations of four samples are averaged.
+#[test]
+fn friction_is_averaged_over_samples_as_its_equations_are() {
+    let model = SliderCrank::default();
+    let filtering = Filtering {
+        smoothing: Smoothing::Butterworth {
+            order: 4,
+            cutoff: 2.0,
+        },
+        ..Filtering::default()
+    };
+    let step = 2e-3;
+    assert_eq!(filtering.averaged(step), 4);
+    let mut closure = LoopClosure::new(&model).unwrap();
+    let mut log = Recorded::new().filtered(filtering);
+    // a multiple of four and two samples more, which no average has
+    for k in 0..4002 {
+        let t = step * f64::from(k);
+        let (s, c) = (1.5 * t).sin_cos();
+        let state = closure
+            .track_state(&[0.8 + 0.6 * s], &[0.9 * c], &[-1.35 * s])
+            .unwrap();
+        log.push(t, &state.q, &state.qd, &state.qdd, &[effort(&state)]);
+    }
+    let laws: Vec<FrictionJoint> = joints()
+        .into_iter()
+        .map(|j| FrictionJoint {
+            name: j.name,
+            friction: j.friction,
+        })
+        .collect();
+    let (data, _) = collect(&model, &mut Log(log), &laws).unwrap();
+    assert!(data.len() > 500 && data.len() <= 1000, "{}", data.len());
+    let efforts = ["crank".to_owned()];
+    let found = data.residuals(&efforts, &VALUES, &joints(), 1).unwrap();
+    // efforts of size 50 and their rounding
+    assert!(found.efforts()[0].largest < 1e-11, "{found:?}");
 }
 
 #[test]
