@@ -17,6 +17,8 @@ use regen_codegen::spec::{Flaw, flaw};
 mod joints;
 mod zeros;
 
+use zeros::Zeros;
+
 /// Identified parameters of a spec's bodies and joints, in the spec's frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parameters {
@@ -108,7 +110,8 @@ const SAME_MOTION: f64 = 1e-6;
 /// `spec` is the spec that the parameters belong to. Its bodies are matched with the links by name,
 /// and the pose of each body's frame in the frame of its link is computed: the body's frames may
 /// differ from those that [`crate::import`] chose. Where its joints have the importer's frames, turned or
-/// shifted along the joints' own axes, its coordinates are counted from another zero, which is noted.
+/// shifted along the joints' own axes, its coordinates are counted from another zero, which is noted, as
+/// are joints of the file that the spec has locked, with the value that its frames tell.
 /// `given` is the text that the parameters come
 /// from; errors point to the label of the body or joint in it, in double quotes.
 ///
@@ -258,22 +261,14 @@ impl<'a> Export<'a> {
         if file.format == FileFormat::Mjcf && !parameters.bodies.is_empty() {
             self.refuse_scaled_masses(&file);
         }
-        let shifts = zeros::shifts(model, &file.tree, &file.draft).unwrap_or_default();
-        for (coordinate, shift) in model.coordinates.iter().zip(&shifts) {
-            if *shift != 0.0 {
-                let text = format!(
-                    "the spec counts '{}' from another zero: in the file it is more by {shift:.6}",
-                    coordinate.name
-                );
-                self.log.note(file.root.place, text);
-            }
-        }
+        let zeros = Zeros::new(model, &file.tree, &file.draft);
+        self.note_zeros(&zeros, model, file.root.place);
         let mut edits = Edits::new(&source.text);
         for (label, values) in &parameters.bodies {
             if !self.is_possible(label, values) {
                 continue;
             }
-            let Some(frame) = self.frame(label, (spec, model), &file, &shifts) else {
+            let Some(frame) = self.frame(label, (spec, model), &file, &zeros) else {
                 continue;
             };
             let inertia = inertia_in_link(values, &frame);
@@ -297,6 +292,30 @@ impl<'a> Export<'a> {
             self.joint((name, values), spec, &file, &mut edits);
         }
         Some((file.format, edits))
+    }
+
+    /// Notes coordinates with another zero than in the file, and joints that the spec has locked.
+    fn note_zeros(&mut self, zeros: &Zeros, model: &Model, place: Place) {
+        for (coordinate, shift) in model.coordinates.iter().zip(&zeros.shifts) {
+            if *shift != 0.0 {
+                let text = format!(
+                    "the spec counts '{}' from another zero: in the file it is more by {shift:.6}",
+                    coordinate.name
+                );
+                self.log.note(place, text);
+            }
+        }
+        for (name, value) in &zeros.locked {
+            let text = format!("the spec has '{name}' locked at {value:.6}");
+            self.log.note(place, text);
+        }
+        for name in &zeros.unknown {
+            let text = format!(
+                "the spec has no coordinate '{name}', and frames of its own: the joint is taken as \
+                 locked at 0"
+            );
+            self.log.note(place, text);
+        }
     }
 
     /// Reads the robot file as the import does, without its notes, which do not concern the user of
@@ -392,7 +411,7 @@ impl<'a> Export<'a> {
         label: &str,
         (spec, model): (&Spec, &Model),
         file: &RobotFile,
-        shifts: &[f64],
+        zeros: &Zeros,
     ) -> Option<Pose> {
         let RobotFile { tree, draft, .. } = file;
         let Some(body) = model.bodies.iter().find(|b| b.label == label) else {
@@ -411,10 +430,8 @@ impl<'a> Export<'a> {
         };
         let at = |generic: bool| {
             let value = |k: usize| if generic { 0.3 + 0.17 * k as f64 } else { 0.0 };
-            let names: Vec<&str> = model.coordinates.iter().map(|c| c.name.as_str()).collect();
-            let shifted = |k: usize| value(k) + shifts.get(k).copied().unwrap_or(0.0);
-            let of = |name: &str| names.iter().position(|n| *n == name).map_or(0.0, shifted);
-            let q: Vec<f64> = (0..names.len()).map(value).collect();
+            let of = |name: &str| zeros.in_file(model, name, &value);
+            let q: Vec<f64> = (0..model.coordinates.len()).map(value).collect();
             let link = frames::at(tree, draft, link, &of);
             link.inverse().then(&link_of(model, body.link, &q))
         };

@@ -78,20 +78,25 @@ fn without_inertias(text: &str) -> String {
 
 /// A round trip: every body gets new values, and importing the changed file returns them.
 #[track_caller]
-fn assert_round_trip(file: &str) {
+fn assert_round_trip(file: &str, locked: &[&str]) -> Vec<String> {
     let source = published(file);
-    let spec = attempt(&source, &Options::default()).unwrap().spec;
+    let options = Options {
+        lock: locked.iter().map(ToString::to_string).collect(),
+        ..Options::default()
+    };
+    let spec = attempt(&source, &options).unwrap().spec;
     let labels = parsed(&spec).body_labels();
     let bodies = labels.iter().enumerate().map(|(k, l)| (l.clone(), body(k)));
     let parameters = of_bodies(bodies.collect());
-    let urdf = exported(&source.text, &spec, &parameters);
+    let written = tried(&source.text, &spec, &parameters).unwrap_or_else(|e| panic!("{e}"));
+    let urdf = written.text;
     assert_ne!(urdf, source.text);
     assert_eq!(
         without_inertias(&urdf),
         without_inertias(&source.text),
         "{file}"
     );
-    let again = parsed(&imported_with(&urdf, &Options::default()).spec);
+    let again = parsed(&imported_with(&urdf, &options).spec);
     assert_eq!(again.bodies.len(), parameters.bodies.len());
     for (label, values) in &parameters.bodies {
         let (_, read) = again.bodies.iter().find(|b| b.0.value == *label).unwrap();
@@ -105,16 +110,82 @@ fn assert_round_trip(file: &str) {
             close(read.inertia[k].value.to_f64(), values.inertia[k]);
         }
     }
+    written.notes.iter().map(ToString::to_string).collect()
 }
 
 #[test]
 fn exported_files_differ_from_the_original_only_in_the_numbers() {
     // upkie has frames rotated against the links' frames, ur5e rotated inertial frames,
     // trifingerpro tensors with all nine entries
-    assert_round_trip("upkie-description/upkie.urdf");
-    assert_round_trip("airo-models/ur5e.urdf");
-    assert_round_trip("robot-properties-fingers/trifingerpro.urdf");
-    assert_round_trip("jvrc-description/jvrc1.urdf");
+    assert_round_trip("upkie-description/upkie.urdf", &[]);
+    assert_round_trip("airo-models/ur5e.urdf", &[]);
+    assert_round_trip("robot-properties-fingers/trifingerpro.urdf", &[]);
+    assert_round_trip("jvrc-description/jvrc1.urdf", &[]);
+}
+
+#[test]
+fn joints_that_the_spec_has_locked_are_found_where_they_are() {
+    // at the base, between coordinates, at the last body, and two whose axes are parallel
+    let file = "airo-models/ur5e.urdf";
+    for locked in [
+        &["shoulder_pan_joint=0.4"][..],
+        &["elbow_joint=-0.5"],
+        &["wrist_3_joint=0.7"],
+        &[
+            "shoulder_pan_joint=0.4",
+            "elbow_joint=-0.5",
+            "wrist_3_joint=0.7",
+        ],
+    ] {
+        let notes = assert_round_trip(file, locked).join("\n");
+        for own in locked {
+            let (name, value) = own.split_once('=').unwrap();
+            assert_has(
+                &notes,
+                &format!("the spec has '{name}' locked at {value}00000"),
+            );
+        }
+    }
+    // a joint that is locked at 0, as those without a coordinate were taken always
+    assert_eq!(assert_round_trip(file, &["elbow_joint"]), [""; 0]);
+    // several trees
+    let file = "robot-properties-fingers/trifingerpro.urdf";
+    assert_round_trip(file, &["finger_middle_to_lower_joint_120=-1.1"]);
+}
+
+#[test]
+fn a_slide_locked_below_an_arm_does_not_change_it() {
+    let lifted = ARM.replace(
+        "<joint name=\"q\"",
+        "<link name=\"lift\"/><joint name=\"l\" type=\"prismatic\"><parent link=\"base\"/><child \
+         link=\"lift\"/><axis xyz=\"0 1 0\"/><limit lower=\"0\" upper=\"1\" effort=\"9\" \
+         velocity=\"1\"/></joint>\n  <joint name=\"q\"",
+    );
+    let lifted = lifted.replace(
+        "<parent link=\"base\"/><child link=\"a\"/>",
+        "<parent link=\"lift\"/><child link=\"a\"/><origin xyz=\"0.2 0 0\" rpy=\"0.1 0 0\"/>",
+    );
+    let options = Options {
+        lock: vec!["l=0.25".to_owned()],
+        ..Options::default()
+    };
+    let spec = imported_with(&lifted, &options).spec;
+    let found = tried(&lifted, &spec, &one(plain())).unwrap();
+    assert_has(&found.text, "xyz=\"0 0.01 0.2\"");
+    let notes: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
+    assert_has(&notes.join("\n"), "'l' locked at 0.250000");
+    // of a body whose frame is its own, where the joint is cannot be told
+    let own = spec.replacen("body: a,", "", 1).replacen(
+        "\nbodies:",
+        "      - {type: fixed, origin: {xyz: [0, 0, 0.05]}, body: a}\n\nbodies:",
+        1,
+    );
+    let own = own.replacen("rpy: [0.1, 0, 0]", "rpy: [0.3, 0, 0]", 1);
+    let found = tried(&lifted, &own, &one(plain()));
+    assert_has(
+        &found.unwrap_err(),
+        "does not move with the link of that name",
+    );
 }
 
 const ARM: &str = r#"<robot name="arm">
