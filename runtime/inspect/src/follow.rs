@@ -3,7 +3,7 @@
 //!
 //! The friction of a joint acts on its own effort and on no other. Each effort is regressed on the
 //! positions, velocities, directions and accelerations of all joints; the joint whose velocity and
-//! direction explain most of it is its joint, and the sign of their coefficients is its sign.
+//! direction explain most of it is its joint, and the sign of their contribution is its sign.
 
 use regen_identify::signals::Butterworth;
 use serde::Serialize;
@@ -26,8 +26,11 @@ const MIN_SHARE: f64 = 0.15;
 const ROUNDING_SHARE: f64 = 1e-6;
 /// How many times more of an effort its joint must explain than any other joint.
 const MIN_SHARE_RATIO: f64 = 2.0;
-/// The least correlation of the identified friction with the velocity.
-const MIN_CORRELATION: f64 = 0.5;
+/// The least correlation of the identified friction with the velocity, or with its direction, in the
+/// regression on all joints or in that on weights and one joint, whose rest contains more.
+const MIN_CORRELATION: f64 = 0.6;
+/// The least in both of them.
+const MIN_CORRELATION_IN_BOTH: f64 = 0.3;
 /// The least part of an effort's variance that must be explained before a delay is looked for.
 const MIN_EXPLAINED: f64 = 0.5;
 /// How often the effort is shifted by the estimated delay and the delay estimated again.
@@ -240,10 +243,12 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
         let share = |k: usize| order.get(k).map_or(0.0, |j| found.shares[*j]);
         if share(0) >= least && share(0) >= MIN_SHARE_RATIO * share(1) {
             let j = order[0];
-            let (terms, with) = if shows {
-                (of_friction(j).to_vec(), first(j) + 3)
+            // velocities of a few harmonics are nearly made up of positions and accelerations, the
+            // change of direction is not
+            let (terms, candidates) = if shows {
+                (of_friction(j).to_vec(), vec![first(j) + 3, first(j) + 4])
             } else {
-                (vec![first(j) + 2], first(j) + 2)
+                (vec![first(j) + 2], vec![first(j) + 2])
             };
             // weights and this joint alone: if joints move in step, a regression on all may
             // distribute their friction with any sign
@@ -254,12 +259,14 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
                     of_weight || (first(j)..first(j) + COLUMNS_PER_JOINT).contains(k)
                 })
                 .collect();
-            let with_all = normal.correlation(&solved, &terms, with);
-            let with_own = normal
-                .restricted(&solved, &alone)
-                .map_or(0.0, |own| normal.correlation(&own, &terms, with));
+            let all: Vec<usize> = (0..width).collect();
+            let [with_all, with_own] = [&all, &alone]
+                .map(|fitted| normal.own_correlation(&solved, fitted, &terms, &candidates));
             // friction is against the motion, and inertia against the acceleration
-            if with_all.abs().min(with_own.abs()) >= MIN_CORRELATION && with_all * with_own > 0.0 {
+            let (one, other) = (with_all.abs(), with_own.abs());
+            let is_clear =
+                one.max(other) >= MIN_CORRELATION && one.min(other) >= MIN_CORRELATION_IN_BOTH;
+            if is_clear && with_all * with_own > 0.0 {
                 found.follows = motion.joints.get(j).map(|joint| joint.1.clone());
                 found.reversed = with_own < 0.0;
             }

@@ -166,44 +166,60 @@ impl Normal {
         }
     }
 
-    /// The solution with only these columns; `None` if it cannot be computed.
-    pub(crate) fn restricted(&self, solved: &Solved, columns: &[usize]) -> Option<Solved> {
-        let m = columns.len();
-        let block = DMatrix::from_fn(m, m, |i, j| self.gram[(columns[i], columns[j])]);
-        let side: Vec<f64> = columns.iter().map(|k| solved.side[*k]).collect();
-        let found = block
-            .cholesky()?
-            .solve(&DMatrix::from_column_slice(m, 1, &side));
-        let mut values = vec![0.0; self.means.len()];
-        for (k, value) in columns.iter().zip(found.iter()) {
-            values[*k] = *value;
-        }
-        let explained: f64 = found.iter().zip(&side).map(|(x, s)| x * s).sum();
-        Some(Solved {
-            values,
-            left: (solved.variance - explained).max(0.0),
-            ..solved.clone()
-        })
-    }
-
     /// The value that a solution predicts for a row.
     pub(crate) fn predict(&self, solved: &Solved, row: &[f64]) -> f64 {
         let parts = solved.values.iter().enumerate();
         solved.mean + parts.map(|(k, x)| x * self.scaled(row, k)).sum::<f64>()
     }
 
-    /// The correlation of one column with the sum of what some columns contribute to a solution.
-    pub(crate) fn correlation(&self, solved: &Solved, columns: &[usize], with: usize) -> f64 {
-        let product = |i: usize, j: usize| solved.scaled(i) * self.gram[(i, j)];
-        let along: f64 = columns.iter().map(|i| product(*i, with)).sum();
-        let pairs = columns
+    /// The correlation of what some columns contribute to a fit with one of them, both less what the
+    /// fit's other columns explain of them. Of the candidates, that column is taken of which most is
+    /// left: a column that others nearly make up may have any factor.
+    ///
+    /// - `fitted`: the columns of the fit, all others are left out; `columns`, `candidates`: some of
+    ///   them.
+    ///
+    /// Returns 0 where this is not defined.
+    pub(crate) fn own_correlation(
+        &self,
+        solved: &Solved,
+        fitted: &[usize],
+        columns: &[usize],
+        candidates: &[usize],
+    ) -> f64 {
+        let (n, m) = (fitted.len(), columns.len());
+        let gram = DMatrix::from_fn(n, n, |i, j| self.gram[(fitted[i], fitted[j])]);
+        let Some(inverse) = gram.cholesky().map(|c| c.inverse()) else {
+            return 0.0;
+        };
+        let places: Option<Vec<usize>> = columns
             .iter()
-            .flat_map(|i| columns.iter().map(move |j| (*i, *j)));
-        let square: f64 = pairs.map(|(i, j)| product(i, j) * solved.scaled(j)).sum();
-        if square > 0.0 {
-            along / square.sqrt()
-        } else {
-            0.0
+            .map(|k| fitted.iter().position(|own| own == k))
+            .collect();
+        let Some(places) = places else {
+            return 0.0;
+        };
+        let factors = places.iter().map(|place| {
+            let sides = fitted.iter().enumerate();
+            sides
+                .map(|(i, k)| inverse[(*place, i)] * solved.side[*k])
+                .sum::<f64>()
+        });
+        let factors = DMatrix::from_iterator(m, 1, factors);
+        // the products of what the other columns leave of these
+        let block = DMatrix::from_fn(m, m, |i, j| inverse[(places[i], places[j])]);
+        let Some(left) = block.cholesky().map(|c| c.inverse()) else {
+            return 0.0;
+        };
+        let own = (0..m).filter(|k| candidates.contains(&columns[*k]));
+        let most = own.max_by(|a, b| left[(*a, *a)].total_cmp(&left[(*b, *b)]));
+        let products = &left * &factors;
+        let square = products.dot(&factors);
+        match most {
+            Some(k) if square > 0.0 && left[(k, k)] > 0.0 => {
+                products[(k, 0)] / (square * left[(k, k)]).sqrt()
+            }
+            _ => 0.0,
         }
     }
 
@@ -242,11 +258,40 @@ mod tests {
         assert!((solved.explained() - 1.0).abs() < 1e-6);
         assert!((normal.share(&solved, &[1]) - 0.9).abs() < 0.02);
         assert!((normal.share(&solved, &[2]) - 0.1).abs() < 0.02);
-        assert!(normal.correlation(&solved, &[2], 2) < -0.99);
-        assert!((normal.correlation(&solved, &[1, 2], 1) - 0.9_f64.sqrt()).abs() < 0.02);
+        let all = [0, 1, 2, 3];
+        assert!(normal.own_correlation(&solved, &all, &[2], &[2]) < -0.99);
+        let found = normal.own_correlation(&solved, &all, &[1, 2], &[1]);
+        assert!((found - 0.9_f64.sqrt()).abs() < 0.02);
         assert!(solved.scaled(2) < 0.0 && normal.share(&solved, &[3]).abs() < 1e-12);
-        let one = normal.restricted(&solved, &[2]).unwrap();
-        assert!((one.explained() - 0.1).abs() < 0.02 && one.scaled(1).abs() < 1e-12);
+        // without the other column its part is noise
+        let found = normal.own_correlation(&solved, &[0, 2], &[2], &[2]);
+        assert!(found < -0.99, "{found}");
         assert!((normal.predict(&solved, &rows[7]) - values[7]).abs() < 1e-6);
+    }
+
+    /// The second column is the first one and little noise, the third one has what both lack.
+    #[test]
+    fn the_column_that_others_do_not_make_up_decides() {
+        let mut noise = crate::testing::Noise::new(2);
+        let rows: Vec<Vec<f64>> = (0..4000)
+            .map(|_| {
+                let [a, b] = [noise.normal(), noise.normal()];
+                vec![1.0, a, a + 1e-3 * noise.normal(), b]
+            })
+            .collect();
+        // an error that looks like the difference of the first two
+        let values: Vec<f64> = rows
+            .iter()
+            .map(|r| r[2] + 0.5 * r[3] - 300.0 * (r[2] - r[1]))
+            .collect();
+        let normal = Normal::new(4, rows.iter()).unwrap();
+        let solved = normal.solve(rows.iter(), values.iter());
+        assert!(solved.scaled(2) < -100.0);
+        let all = [0, 1, 2, 3];
+        let found =
+            |candidates: &[usize]| normal.own_correlation(&solved, &all, &[2, 3], candidates);
+        assert!(found(&[2]) < 0.0 && found(&[3]) > 0.8, "{}", found(&[3]));
+        assert!((found(&[2, 3]) - found(&[3])).abs() < 1e-12);
+        assert!(normal.own_correlation(&solved, &[0, 1], &[2], &[2]).abs() < 1e-12);
     }
 }
