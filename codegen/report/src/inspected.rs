@@ -275,14 +275,13 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
     let noise = found.noise.iter().zip(&found.motion);
     let rows: Vec<Vec<String>> = noise
         .map(|(noise, m)| {
-            let doubt = if noise.flat { "" } else { " (filtered?)" };
             vec![
                 escaped(&m.name),
                 format!("{} … {}", four(m.positions[0]), four(m.positions[1])),
                 format!("{} … {}", four(m.velocities[0]), four(m.velocities[1])),
                 four(m.acceleration),
                 share(m.resting),
-                format!("{}{doubt}", four(noise.sigma)),
+                format!("{}{}", four(noise.sigma), noise.doubt()),
                 format!("<b>{}</b>", escaped(&m.lacks.join(", "))),
             ]
         })

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::names::Role;
+use crate::names::{Role, meaning};
 use crate::roles::{Judged, Known, key};
 
 /// The columns of one joint, by their numbers from 1.
@@ -48,6 +48,29 @@ fn assigned_joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
     names.into_iter().map(joint).collect()
 }
 
+/// For each coordinate the position column whose name has its words but for those that state the
+/// quantity: `/joint_states/elbow/position` is that of `elbow`. `None` unless all actuated coordinates
+/// have one each.
+fn by_words(
+    known: &Known<'_>,
+    judged: &[Judged],
+    positions: &[usize],
+) -> Option<Vec<Option<usize>>> {
+    let words = |name: &String| key(&meaning(name).joint).to_owned();
+    let keys: Vec<String> = known.coordinates.iter().map(words).collect();
+    let found = keys.iter().map(|own| {
+        let is_own = |k: &&usize| key(&judged[**k].meaning.joint) == *own;
+        let mut columns = positions.iter().filter(is_own);
+        let only = columns.next().filter(|_| columns.next().is_none());
+        let is_shared = keys.iter().filter(|other| *other == own).count() > 1;
+        only.copied().filter(|_| !is_shared && !own.is_empty())
+    });
+    let found: Vec<Option<usize>> = found.collect();
+    let has_column = |c: &usize| found.get(*c).copied().flatten().is_some();
+    let is_whole = !known.actuated.is_empty() && known.actuated.iter().all(has_column);
+    is_whole.then_some(found)
+}
+
 /// Groups the columns by joint: by assignments, else by names, else by their order.
 pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
     let of = |role: Role| -> Vec<usize> {
@@ -80,10 +103,13 @@ pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
                 .copied()
         };
         let exact: Vec<Option<usize>> = known.coordinates.iter().map(named).collect();
-        // by name, else in the order of all coordinates or, if there are as many, the actuated ones
+        // by name, by the words of the name, else in the order of all coordinates or, if there are as
+        // many, the actuated ones
         let all: Vec<usize> = (0..known.coordinates.len()).collect();
         let chosen = if exact.iter().any(Option::is_some) {
             exact
+        } else if let Some(by_words) = by_words(known, judged, &positions) {
+            by_words
         } else {
             let order = if positions.len() == all.len() {
                 &all[..]

@@ -29,13 +29,26 @@ const MIN_NOISE_PART: f64 = 1e-9;
 pub struct EffortNoise {
     /// The effort's name.
     pub name: String,
-    /// The density of the noise at high frequencies, (N m)^2/Hz or N^2/Hz.
+    /// The density of the noise at high frequencies, (N m)^2/Hz or N^2/Hz; 0 of an effort that never
+    /// changes, which is taken as not measured.
     pub density: f64,
     /// Its standard deviation at the rate of the rows, N m or N.
     pub sigma: f64,
     /// Whether it is about the same at all high frequencies; if not, the effort was filtered before
     /// it was logged, and noise at the frequencies of the motion is not seen.
     pub flat: bool,
+}
+
+impl EffortNoise {
+    /// What speaks against the stated noise, in words in parentheses behind a space; empty if nothing
+    /// does.
+    pub fn doubt(&self) -> &'static str {
+        match self {
+            Self { density: 0.0, .. } => " (never changes: not used)",
+            Self { flat: true, .. } => "",
+            _ => " (filtered?)",
+        }
+    }
 }
 
 /// How well an identification from this log would determine a parameter.
@@ -187,6 +200,15 @@ pub(crate) fn spread(factor: &QrFactor) -> Result<Spread, EstimateError> {
     })
 }
 
+/// The weight of equations with noise of this variance; that of an effort that never changes is 0.
+fn weight(variance: f64) -> f64 {
+    if variance > 0.0 {
+        1.0 / variance.sqrt()
+    } else {
+        0.0
+    }
+}
+
 /// The nominal value of a base parameter.
 fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
     let terms = parameter.terms.iter();
@@ -246,6 +268,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let dof = info.dof();
     let mut welches = vec![Welch::new(block_rows(rows, step)); dof];
     let mut squares = vec![0.0; dof];
+    let mut ranges = vec![[f64::INFINITY, f64::NEG_INFINITY]; dof];
     let mut motions = Motions::new(dof);
     let (mut last, mut steps, mut count) = (None, Vec::new(), 0.0);
     let filtering = source.filtering();
@@ -261,6 +284,8 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 for (k, tau) in row.tau.iter().enumerate().take(dof) {
                     welches[k].push(*tau);
                     squares[k] += tau * tau;
+                    let [low, high] = ranges[k];
+                    ranges[k] = [low.min(*tau), high.max(*tau)];
                 }
                 if let (true, Some(last)) = (row.follows && steps.len() < MAX_STEPS, last) {
                     steps.push(row.time - last);
@@ -276,13 +301,14 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         .independent
         .iter()
         .zip(welches)
-        .zip(&squares)
-        .map(|((c, welch), squares)| {
+        .zip(squares.iter().zip(&ranges))
+        .map(|((c, welch), (squares, [low, high]))| {
             let found = welch.finish(1.0 / between).map(|density| density.judge(0));
             let least = MIN_NOISE_PART * (squares / f64::max(count, 1.0)).sqrt();
             let density = found
                 .map_or(0.0, |s| s.floor)
                 .max(2.0 * between * least * least);
+            let density = if low < high { density } else { 0.0 };
             EffortNoise {
                 name: info.coordinates.get(*c).map_or("", |n| n).to_owned(),
                 density,
@@ -298,16 +324,13 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         Smoothing::Butterworth { cutoff, .. } => (0.5 / decimated).max(cutoff),
         Smoothing::Local { .. } => 0.5 / decimated,
     };
-    let weights: Vec<f64> = noise
-        .iter()
-        .map(|n| 1.0 / (n.density * band).sqrt().max(f64::MIN_POSITIVE))
-        .collect();
+    let weights: Vec<f64> = noise.iter().map(|n| weight(n.density * band)).collect();
     // an energy balance has one equation of all efforts
     let of_set = if set.efforts.len() == weights.len() {
         weights.clone()
     } else {
-        let most = noise.iter().map(|n| n.density * band).sum::<f64>().sqrt();
-        vec![1.0 / most.max(f64::MIN_POSITIVE); set.efforts.len()]
+        let all = noise.iter().map(|n| n.density * band).sum();
+        vec![weight(all); set.efforts.len()]
     };
     let factor = set.combined(&of_set)?;
     let now = spread(&factor)?;
@@ -398,6 +421,24 @@ mod tests {
             let found = predict(&models::Pendulum, forces, &mut log, 4000, stated).unwrap();
             let density = found.noise[0].density;
             assert!((density / wanted - 1.0).abs() < 0.15, "{stated} {density}");
+        }
+    }
+
+    #[test]
+    fn an_effort_that_never_changes_is_not_used() {
+        let mut log = Recorded::new();
+        for k in 0..2000 {
+            let t = 0.01 * f64::from(k);
+            log.push(t, &[t.sin()], &[t.cos()], &[-t.sin()], &[0.0]);
+        }
+        let kinds = [EquationKind::Forces, EquationKind::Energy { window: 0.1 }];
+        for kind in kinds {
+            let found = predict(&models::Pendulum, kind, &mut log, 2000, 0.01).unwrap();
+            assert!(found.noise[0].doubt().contains("never changes"));
+            for parameter in &found.parameters {
+                assert_eq!(parameter.status, ExpectedStatus::Unseen);
+                assert_eq!(parameter.sigma, None);
+            }
         }
     }
 }

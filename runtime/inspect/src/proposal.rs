@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_identify::data::Run;
+use regen_identify::data::{Join, Run};
 use regen_identify::text::figure_of;
 
 use crate::clock::ClockSource;
@@ -200,6 +200,17 @@ pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String>
             .map(|file| quoted(&file.display().to_string()))
             .collect();
         let mut more = String::new();
+        match run.join {
+            Join::Auto => {}
+            Join::Rows => more.push_str(", join: rows"),
+            Join::Time => more.push_str(", join: time"),
+        }
+        if let Some(topic) = &run.topic {
+            let _ = write!(more, ", topic: {}", quoted(topic));
+        }
+        if let Some(episode) = run.episode {
+            let _ = write!(more, ", episode: {episode}");
+        }
         if let Some((first, last)) = run.rows {
             let _ = write!(more, ", rows: [{first}, {last}]");
         }

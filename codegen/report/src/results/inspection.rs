@@ -210,10 +210,7 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
     let noise: Vec<String> = found
         .noise
         .iter()
-        .map(|n| {
-            let doubt = if n.flat { "" } else { " (filtered?)" };
-            format!("{} {}{doubt}", n.name, three(n.sigma))
-        })
+        .map(|n| format!("{} {}{}", n.name, three(n.sigma), n.doubt()))
         .collect();
     out.push_str(&field("noise", &noise.join(", ")));
     out.push('\n');
