@@ -1,6 +1,7 @@
 //! `regen rehearse` as a user runs it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -366,6 +367,28 @@ fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
             assert_eq!(row["within"], 2, "{own}: {row}");
         }
     }
+
+    // logs that exist give durations and rate, also while their gains are unknown
+    let mut log = "t,x,q,i_x,i_q\n".to_owned();
+    for k in 0..=500 {
+        let t = 0.004 * f64::from(k);
+        writeln!(
+            log,
+            "{t:.3},{:.5},{:.5},0.1,0.2",
+            0.1 * t.sin(),
+            0.2 * t.cos()
+        )
+        .unwrap();
+    }
+    for name in ["a.csv", "b.csv"] {
+        fs::write(dir.join(name), &log).unwrap();
+    }
+    let planned = words
+        .replace("--duration 4 ", "")
+        .replace("--seeds 4 --score 60", "--seeds 1 --score 0");
+    let json = run(&dir, &planned).ended(0).json();
+    assert_eq!(json["durations"], serde_json::json!([2.0, 2.0]));
+    assert_eq!(json["step"], 0.004);
 
     let words = words.replace("--seeds 4", "--estimator response --seeds 1");
     let refused = run(&dir, &words).ended(3);

@@ -37,11 +37,17 @@ const DECIMALS: f64 = 1e9;
 /// ```
 pub fn planned(run: &Run, info: &Info<'_>, settings: &Settings) -> Result<Planned, DataError> {
     if run.files.iter().all(|file| file.exists()) {
-        let lenient = Settings {
+        let mut lenient = Settings {
             policy: Policy::Keep,
             checks: Checks::default(),
             ..settings.clone()
         };
+        // only the times are used, so that any gain will do for currents whose gains are unknown
+        for column in &mut lenient.columns {
+            if column.is_current() {
+                column.gain.get_or_insert(1.0);
+            }
+        }
         let (all, report) = tracks(run, info, &lenient, &[])?;
         let times = || all.iter().flat_map(|track| &track.times);
         let span = times().last().zip(times().next()).map(|(b, a)| b - a);

@@ -23,4 +23,5 @@ mod values;
 pub use data::{FrictionData, FrictionJoint, directions};
 pub use fit::{FrictionFit, JointFit, fit};
 pub use intervals::{FrictionIntervals, intervals};
+pub(crate) use passes::with_linear_friction;
 pub use passes::{JointEfforts, collect, nonlinear_joints, residuals};

@@ -7,7 +7,8 @@ use super::{FrictionData, FrictionJoint, JointFit, directions};
 use crate::estimate::{EstimateError, Residuals};
 use crate::feasibility::FeasibilityError;
 use crate::identify::{
-    Columns, EquationBuilder, EquationKind, LeftOut, Source, StateSample, equations,
+    Columns, EquationBuilder, EquationKind, Identified, LeftOut, Options, Source, StateSample,
+    equations, identify_with_columns,
 };
 use regen_runtime::{BaseModel, SizeError, Status};
 
@@ -190,6 +191,66 @@ impl<M: BaseModel<f64> + ?Sized> Columns for JointEfforts<'_, M> {
         }
         Ok(true)
     }
+}
+
+/// Linear friction at joints whose friction is nonlinear: columns of the direction and of the velocity
+/// of each, as a first approximation where no shapes are known.
+struct LinearFriction<'a, M: ?Sized> {
+    model: &'a M,
+    places: Vec<usize>,
+}
+
+impl<M: BaseModel<f64> + ?Sized> Columns for LinearFriction<'_, M> {
+    fn count(&self) -> usize {
+        2 * self.places.len()
+    }
+
+    fn fill(
+        &mut self,
+        row: &StateSample<'_>,
+        _: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, EstimateError> {
+        let Some((qd, directions)) = joint_motion(self.model, row, &self.places)? else {
+            return Ok(false);
+        };
+        let dof = out.len() / self.count().max(1);
+        let entries = qd.iter().zip(directions.chunks_exact(dof.max(1)));
+        let entries = entries.flat_map(|(v, d)| {
+            let sign = if *v == 0.0 { 0.0 } else { v.signum() };
+            let column = |factor: f64| d.iter().map(move |x| x * factor);
+            column(sign).chain(column(*v))
+        });
+        for (slot, entry) in out.iter_mut().zip(entries) {
+            *slot = entry;
+        }
+        Ok(true)
+    }
+}
+
+/// Identifies base parameters by least squares as [`identify`](crate::identify::identify) does, and with
+/// them linear friction at the joints whose friction is nonlinear: `Fc` and `Fv` of each follow the base
+/// parameters.
+///
+/// # Errors
+/// As [`identify`](crate::identify::identify).
+pub(crate) fn with_linear_friction<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    options: &Options,
+    source: &mut S,
+) -> Result<Identified, S::Error>
+where
+    S::Error: From<FeasibilityError>,
+{
+    let joints = nonlinear_joints(model);
+    let places = places(model, joints.iter().map(|joint| joint.name.clone()))?;
+    let labels = joints.iter().flat_map(|joint| {
+        let label = |symbol: &str| format!("{symbol}({})", joint.name);
+        [label("Fc"), label("Fv")]
+    });
+    let labels: Vec<String> = labels.collect();
+    let columns = LinearFriction { model, places };
+    identify_with_columns(model, options, source, Box::new(columns), &labels)
 }
 
 /// Computes the residuals of base parameters and nonlinear friction on a log, like

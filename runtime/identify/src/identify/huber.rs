@@ -1,7 +1,7 @@
 //! The passes of Huber's reweighting, in which most equations keep the weight 1, and one step of his
 //! estimate of values and scales.
 
-use super::equation_builder::{EquationBuilder, Equations};
+use super::equation_builder::Equations;
 use super::passes::{Source, predictions};
 use super::replay::Replay;
 use crate::estimate::huber::{self as loss, Partition};
@@ -228,7 +228,7 @@ fn pass<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     members: &mut Members<'_>,
     mut partition: Option<&mut Partition>,
 ) -> Result<(Reduced, bool), S::Error> {
-    let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
+    let origin = replay.origin();
     let (mut inner, mut outer) = (Accumulator::new(&origin), Accumulator::new(&origin));
     let mut psi_squares = vec![0.0; origin.efforts.len()];
     let mut holds = true;

@@ -29,11 +29,11 @@ pub(crate) use instruments::{
     InstrumentRegressor, InstrumentedEquations, TrackedMotion, instrumental_of,
 };
 pub use motion::{Completed, CompletedStates, Completeness, Completion};
-pub(crate) use passes::identify_and_store;
 pub use passes::{
     Identified, Options, Source, errors_of_prediction, identify, identify_linearised, observe,
     residuals,
 };
+pub(crate) use passes::{identify_and_store, identify_with_columns};
 pub use recorded::Recorded;
 pub(crate) use replay::Replay;
 pub use sampling::ChangedEfforts;

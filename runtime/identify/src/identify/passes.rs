@@ -18,6 +18,7 @@ use crate::estimate::{
     Accumulator, Blocks, Deviations, EffortError, Estimate, EstimateError, FactorSet, QrFactor,
     Residuals, Weighting, bartlett_stretches,
 };
+use crate::friction::nonlinear_joints;
 use regen_runtime::BaseModel;
 
 /// A log that can be read any number of times: each pass of the identification reads it once.
@@ -138,7 +139,7 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 fn reduce<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
 ) -> Result<FactorSet, S::Error> {
-    let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
+    let origin = replay.origin();
     let mut rows = Accumulator::new(&origin);
     replay.visit(&mut |equations| {
         let count = equations.tau.len();
@@ -242,8 +243,26 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
     source: &mut S,
 ) -> Result<(Identified, Option<StoredEquations>), S::Error> {
     let mut replay = Replay::new(model, kind, source);
-    let identified = identify_replayed(&mut replay, options, kind == EquationKind::Forces)?;
+    // friction that is not in the equations changes with the velocity, and looks like a delay
+    let is_whole = nonlinear_joints(model).is_empty();
+    let with_delays = is_whole && kind == EquationKind::Forces;
+    let identified = identify_replayed(&mut replay, options, with_delays)?;
     Ok((identified, replay.into_stored()))
+}
+
+/// As [`identify`] from the equations of motion, with further parameters behind the base parameters.
+///
+/// - `columns`, `labels`: those of the further parameters, as many.
+pub(crate) fn identify_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    options: &Options,
+    source: &mut S,
+    columns: Box<dyn Columns + '_>,
+    labels: &[String],
+) -> Result<Identified, S::Error> {
+    super::require("labels", columns.count(), labels.len())?;
+    let mut replay = Replay::with_parameters(model, source, columns, labels);
+    identify_replayed(&mut replay, options, true)
 }
 
 /// A step of Gauss's and Newton's method: identifies base parameters from the equations
@@ -513,7 +532,7 @@ fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     means: &[f64],
     lags: usize,
 ) -> Result<Residuals, S::Error> {
-    let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
+    let origin = replay.origin();
     let mut residuals = Residuals::new(&origin.efforts, means, lags);
     let mut fitted = Vec::new();
     let mut used = Vec::new();

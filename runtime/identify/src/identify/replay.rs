@@ -1,10 +1,10 @@
 //! Stores a log's equations for repeated passes over them.
 
-use super::equation_builder::{EquationKind, Equations};
+use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::passes::Source;
 use super::stored::StoredEquations;
 use super::stream::{Columns, LeftOut, NoColumns, equations};
-use crate::estimate::EstimateError;
+use crate::estimate::{EstimateError, Origin};
 use regen_runtime::BaseModel;
 
 /// The largest number of values that are stored: 64 MiB. Longer logs are read again in each pass,
@@ -17,6 +17,9 @@ pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     kind: EquationKind,
     source: &'a mut S,
     columns: Box<dyn Columns + 'a>,
+    /// The labels of the additional columns that have parameters of their own, see
+    /// [`with_parameters`](Self::with_parameters).
+    more: Vec<String>,
     /// The base parameters around which the right-hand sides are linearised; see
     /// [`linearised`](Self::linearised).
     around: Option<&'a [f64]>,
@@ -52,12 +55,40 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             kind,
             source,
             columns,
+            more: Vec::new(),
             around: None,
             most: MAX_NUMBERS,
             state: State::Empty,
             stored: StoredEquations::default(),
             left_out: LeftOut::default(),
         }
+    }
+
+    /// As [`with_columns`](Self::with_columns), with a parameter for each of these columns.
+    ///
+    /// - `labels`: one for each column.
+    pub(super) fn with_parameters(
+        model: &'a M,
+        source: &'a mut S,
+        columns: Box<dyn Columns + 'a>,
+        labels: &[String],
+    ) -> Self {
+        Self {
+            more: labels.to_vec(),
+            ..Self::with_columns(model, EquationKind::Forces, source, columns)
+        }
+    }
+
+    /// The robot, the model, the kind and the labels of the equations.
+    pub(super) fn origin(&self) -> Origin {
+        let mut origin = EquationBuilder::new(self.model, self.kind).origin();
+        origin.labels.extend(self.more.iter().cloned());
+        origin
+    }
+
+    /// The log, and the additional columns.
+    pub(super) fn source_and_columns(&mut self) -> (&mut S, &mut dyn Columns) {
+        (self.source, &mut *self.columns)
     }
 
     /// Passes on, in place of the equations `tau = W x`, those of the additional columns, `e + J around =

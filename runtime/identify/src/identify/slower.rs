@@ -52,7 +52,7 @@ pub(super) fn delays_of_slower_motion<M: BaseModel<f64> + ?Sized, S: Source + ?S
     step: f64,
 ) -> Option<Delays> {
     let (model, kind) = (replay.model(), replay.kind());
-    let source = replay.source();
+    let (source, columns) = replay.source_and_columns();
     let mut filtering = source.filtering();
     if filtering.smoothing.is_none() {
         // the log passes only every so many samples already
@@ -71,7 +71,7 @@ pub(super) fn delays_of_slower_motion<M: BaseModel<f64> + ?Sized, S: Source + ?S
         },
     };
     let mut slower = Refiltered { source, filtering };
-    let mut replay = Replay::new(model, kind, &mut slower).shared(2);
+    let mut replay = Replay::with_columns(model, kind, &mut slower, Box::new(columns)).shared(2);
     let mut fit = DelayFit::new(&estimate.labels, &estimate.values, names, weights);
     replay.visit(&mut |equations| fit.push(equations)).ok()?;
     let mut scores = fit.finish(2 * bandwidth).ok()??;

@@ -4,13 +4,17 @@ use regen_runtime::BaseModel;
 
 use super::{Session, SessionError};
 use crate::data::Run;
-use crate::identify::{self, EquationKind, Options};
+use crate::friction::{nonlinear_joints, with_linear_friction};
+use crate::identify::{self, Delay, EquationKind, Options};
 
 /// The largest number of rounds of correcting delays; usually three suffice.
 const MAX_ROUNDS: usize = 10;
 /// A correction is taken back by half where it makes the residuals of its effort larger than they were
 /// without any, by more than this part.
 const SLACK: f64 = 1e-4;
+/// The part by which the delays of efforts may differ that one cause delays: errors of the model differ
+/// from effort to effort.
+const ONE_CAUSE_PART: f64 = 0.1;
 /// It is taken back wholly where so many standard deviations are left of it.
 const MIN_DEVIATIONS: f64 = 3.0;
 
@@ -23,6 +27,8 @@ struct Search {
     best: f64,
     /// The standard deviation of the residuals at the first delay.
     first: f64,
+    /// What was left at the delay that was tried last, s, with its standard deviation.
+    left: (f64, f64),
     is_done: bool,
 }
 
@@ -37,6 +43,7 @@ impl Search {
         (correction, sigma): (f64, f64),
         is_worth_it: bool,
     ) -> bool {
+        self.left = (correction, sigma);
         if residual > self.first * (1.0 + SLACK) {
             self.tried = 0.5 * (self.tried + self.best);
             if (self.tried - self.best).abs() <= MIN_DEVIATIONS * sigma {
@@ -52,6 +59,34 @@ impl Search {
         self.tried += correction;
         true
     }
+
+    /// Whether another delay is as likely, or differs from the found one by at most a tenth.
+    fn agrees_with(&self, delay: f64) -> bool {
+        let (left, sigma) = self.left;
+        let apart = (self.best + left - delay).abs();
+        apart <= (MIN_DEVIATIONS * sigma).max(ONE_CAUSE_PART * delay.abs())
+    }
+}
+
+/// The delay of all efforts if one cause may delay them all: if at least half of them, and two, were
+/// corrected, and the mean of these, weighted by their deviations, agrees with every effort. An effort
+/// whose own delay is too uncertain to be corrected then is as late as the others, and was not to be
+/// left behind.
+fn one_cause(searches: &[Search]) -> Option<f64> {
+    let corrected = || searches.iter().filter(|own| own.best != 0.0);
+    let count = corrected().count();
+    if count < 2 || 2 * count < searches.len() {
+        return None;
+    }
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for own in corrected() {
+        let weight = own.left.1.powi(-2);
+        sum += weight * own.best;
+        weights += weight;
+    }
+    let mean = sum / weights;
+    let is_one = mean.is_finite() && searches.iter().all(|own| own.agrees_with(mean));
+    is_one.then_some(mean)
 }
 
 /// Estimates the delays of efforts in logs; returns names of efforts and delays in s. To the delays
@@ -85,13 +120,8 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     let given = session.reading.delays.clone();
     let mut searches: Vec<Search> = Vec::new();
     for _ in 0..MAX_ROUNDS {
-        let mut opened = session.open(logs)?;
-        let found = identify::identify(session.model, session.kind, &options, &mut opened)?;
         let mut moves = false;
-        for delay in &found.delays.efforts {
-            let mut fits = found.estimate.efforts.iter();
-            let fit = fits.find(|own| own.name == delay.effort);
-            let residual = fit.map_or(f64::INFINITY, |own| own.sigma);
+        for (residual, delay) in round(&session, &options, logs)? {
             let known = searches.iter().position(|own| own.effort == delay.effort);
             let place = known.unwrap_or_else(|| {
                 let start = given.iter().find(|(own, _)| *own == delay.effort);
@@ -101,6 +131,7 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
                     tried: start,
                     best: start,
                     first: residual,
+                    left: (delay.seconds, delay.sigma),
                     is_done: false,
                 });
                 searches.len() - 1
@@ -115,7 +146,41 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
         }
         session.reading.delays = with(&given, &searches, |own| own.tried);
     }
-    Ok(with(&given, &searches, |own| own.best))
+    let found = with(&given, &searches, |own| own.best);
+    let Some(common) = one_cause(&searches).filter(|_| given.is_empty()) else {
+        return Ok(found);
+    };
+    session.reading.delays = with(&given, &searches, |_| common);
+    let residuals = round(&session, &options, logs)?;
+    let is_larger = |(residual, delay): &(f64, Delay)| {
+        let own = searches.iter().find(|own| own.effort == delay.effort);
+        own.is_none_or(|own| *residual > own.first * (1.0 + SLACK))
+    };
+    if residuals.iter().any(is_larger) {
+        return Ok(found);
+    }
+    Ok(session.reading.delays)
+}
+
+/// The standard deviation of the residuals of each effort, and its delay, from logs as the session
+/// reads them.
+fn round<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    options: &Options,
+    logs: &[Run],
+) -> Result<Vec<(f64, Delay)>, SessionError> {
+    let mut opened = session.open(logs)?;
+    let found = if nonlinear_joints(session.model).is_empty() {
+        identify::identify(session.model, session.kind, options, &mut opened)?
+    } else {
+        with_linear_friction(session.model, options, &mut opened)?
+    };
+    let efforts = found.delays.efforts.into_iter().map(|delay| {
+        let mut fits = found.estimate.efforts.iter();
+        let fit = fits.find(|own| own.name == delay.effort);
+        (fit.map_or(f64::INFINITY, |own| own.sigma), delay)
+    });
+    Ok(efforts.collect())
 }
 
 /// The given delays with those that were searched in their places, or behind them where they are not
@@ -148,6 +213,7 @@ mod tests {
             tried: 0.0,
             best: 0.0,
             first: residual(0.0),
+            left: (0.0, 1e-4),
             is_done: false,
         };
         for _ in 0..MAX_ROUNDS {
@@ -171,5 +237,37 @@ mod tests {
         // of an effort whose residuals only rise, nothing is corrected
         let found = followed(|d| 1.0 + d.abs(), |_| 0.076);
         assert!(found.abs() < 1e-15, "{found}");
+    }
+
+    fn settled(best: f64, left: f64, sigma: f64) -> Search {
+        Search {
+            effort: String::new(),
+            tried: best,
+            best,
+            first: 1.0,
+            left: (left, sigma),
+            is_done: false,
+        }
+    }
+
+    #[test]
+    fn efforts_of_uncertain_delays_are_as_late_as_the_others() {
+        let certain = [settled(1e-3, 0.0, 1e-5), settled(1.02e-3, 0.0, 2e-5)];
+        let with = |third: Search| {
+            let mut all = Vec::from(
+                certain
+                    .each_ref()
+                    .map(|own| settled(own.best, own.left.0, own.left.1)),
+            );
+            all.push(third);
+            one_cause(&all)
+        };
+        let found = with(settled(0.0, 2e-4, 4e-4)).unwrap_or_default();
+        assert!((found - 1.004e-3).abs() < 1e-9, "{found}");
+        // one that is certainly on time, or on its own, shows that there are several causes
+        assert_eq!(with(settled(0.0, 0.0, 1e-5)), None);
+        assert_eq!(with(settled(3e-3, 0.0, 1e-5)), None);
+        // of a single one nothing follows for others
+        assert_eq!(one_cause(&certain[..1]), None);
     }
 }
