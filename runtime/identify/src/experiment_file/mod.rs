@@ -276,13 +276,13 @@ impl ExperimentFile {
     }
 
     /// The payload that each run carries, and the known parameters of all payloads. Runs that carry
-    /// the same body carry the same load.
+    /// the same body carry the same load; runs to identify from state the same of it.
     ///
     /// - `bodies`: the labels of the robot's payloads.
     ///
     /// # Errors
     /// One mistake for each run that names no payload of the robot, does not name one of several, or
-    /// states other parameters than another run with the same payload.
+    /// states other parameters than another run with the same payload, or none where that states some.
     ///
     /// ```
     /// use regen_identify::experiment_file::ExperimentFile;
@@ -291,8 +291,8 @@ impl ExperimentFile {
     /// let text = "
     /// runs:
     ///   - {files: a.csv}
-    ///   - {files: b.csv, payload: unknown}
-    ///   - {files: c.csv, payload: {m: 2.8}}
+    ///   - {files: b.csv, payload: {m: 2.8}}
+    ///   - {files: c.csv, payload: unknown, use: validate}
     /// ";
     /// let file = ExperimentFile::read(text, &Info::EMPTY)?;
     /// let found = file.loads(&["load".to_owned()])?;
@@ -314,6 +314,8 @@ impl ExperimentFile {
                 })
                 .collect(),
         };
+        // whether the first run to identify from with each payload states something of it
+        let mut is_stated: Vec<Option<bool>> = vec![None; bodies.len()];
         for (k, (run, at)) in self.runs.iter().zip(&self.places).enumerate() {
             let Payload::Carried {
                 body,
@@ -359,6 +361,20 @@ impl ExperimentFile {
                 let message = format!("another run states other parameters of '{}'", own.body);
                 let remedy = "runs with the same body carry the same load; another load is another \
                               body of the spec";
+                sink.push(at.payload, &path, message, remedy);
+            }
+            let states = mass.is_some() || com.is_some() || inertia.is_some();
+            let first = place.and_then(|place| is_stated.get_mut(place));
+            if let Some(first) = first.filter(|_| run.purpose == Purpose::Identify)
+                && *first.get_or_insert(states) != states
+            {
+                let message = format!(
+                    "of '{}' one run states parameters, and another one says that it is unknown",
+                    own.body
+                );
+                let remedy = "runs with the same body carry the same load: state the same in both; an \
+                              unknown load beside a known one is another body of the spec, in a limb of \
+                              its own, and runs name it, `payload: {body: NAME}`";
                 sink.push(at.payload, &path, message, remedy);
             }
         }

@@ -469,6 +469,14 @@ fn what_runs_carry_is_found_by_the_spec_s_payloads_and_contradictions_are_told()
             "{body: box, m: 3}",
             "another run states other parameters of 'box'",
         ),
+        (
+            "{body: box}",
+            "of 'box' one run states parameters, and another one says that it is unknown",
+        ),
+        (
+            "{body: box}, use: identify",
+            "of 'box' one run states parameters, and another one says that it is unknown",
+        ),
     ] {
         let text = format!(
             "runs: [{{files: a, payload: {{body: box, m: 2}}}}, {{files: b, payload: {text}}}]"
@@ -479,6 +487,9 @@ fn what_runs_carry_is_found_by_the_spec_s_payloads_and_contradictions_are_told()
         assert_eq!(refused.0[0].path, "`runs`, entry 2, `payload`");
         assert!(refused.0[0].at > 40 && refused.0[0].remedy.is_some());
     }
+    // a run that is only predicted carries what was found
+    let text = "runs: [{files: a, payload: {body: box, m: 2}}, {files: b, payload: {body: box}, use: validate}]";
+    assert_eq!(read(text).loads(&bodies).unwrap().carried, [Some(0); 2]);
     let arm = ["pan", "lift", "elbow", "w1", "w2", "w3"];
     let info = Info {
         coordinates: &arm,
