@@ -172,7 +172,7 @@ impl<'a> Loops<'a> {
         let file = args.reference.as_deref();
         Ok(Self {
             args,
-            controllers: TrackControllers::new(known, &args.pid),
+            controllers: TrackControllers::new(known, &args.pid, &session.model.info()),
             trajectory: file
                 .map(|file| path::read(file, session.model))
                 .transpose()?,

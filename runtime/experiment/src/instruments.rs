@@ -204,10 +204,7 @@ impl<'a> Along<'a> {
         robot: &Simulable<'_>,
         values: &[Vec<f64>],
     ) -> Self {
-        let names = model.info().actuated.iter();
-        let mut names = names.map(|k| model.info().coordinates.get(*k).copied());
-        let is_given = |name: Option<&str>| given.iter().any(|g| g.name.as_deref() == name);
-        let are_given = given.iter().any(|g| g.name.is_none()) || names.all(is_given);
+        let are_given = Gains::are_of_all(given, &model.info());
         let of = |lead: f64| Self {
             reference,
             given,

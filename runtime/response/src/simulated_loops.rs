@@ -44,6 +44,7 @@ impl<'a> SimulatedLoops<'a> {
     /// use regen_experiment::closed_loop::{ClosedLoop, Controllers, follow};
     /// use regen_identify::data::Track;
     /// use regen_response::{SimulatedLoops, TrackControllers};
+    /// use regen_runtime::Model;
     ///
     /// let swing = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
     ///     (q[0], qd[0], qdd[0]) = (t.sin(), t.cos(), -t.sin());
@@ -59,7 +60,8 @@ impl<'a> SimulatedLoops<'a> {
     ///         efforts: vec![(0, log.effort)],
     ///         ..Track::default()
     ///     }];
-    ///     let own = TrackControllers::new(&[None], &[]);
+    ///     let info = Model::<f64>::info(&models::Pendulum);
+    ///     let own = TrackControllers::new(&[None], &[], &info);
     ///     let known = Some((&swing as _, core::f64::consts::TAU));
     ///     let (pendulum, values) = (&models::Pendulum, [vec![0.5, 2.0]]);
     ///     let loops = SimulatedLoops::choose(pendulum, &tracks, known, &own, None, 0.5, &values)?;

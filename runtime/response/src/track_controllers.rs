@@ -3,6 +3,8 @@
 use regen_experiment::closed_loop::Controllers;
 use regen_experiment::simulate::{Gains, Pid};
 
+use regen_runtime::Info;
+
 use crate::setup::Setup;
 
 /// The controllers of several tracks: those that are known, and tuned ones for the others.
@@ -12,25 +14,33 @@ pub struct TrackControllers<'a> {
     known: Vec<Option<(Vec<Pid>, Vec<f64>)>>,
     /// Gains that replace those of tuned controllers.
     given: &'a [Gains],
+    /// Whether these are the gains of all joints.
+    are_given: bool,
 }
 
 impl<'a> TrackControllers<'a> {
     /// Gathers controllers.
     ///
     /// - `known`: for each track its controllers, `None` to tune them;
-    /// - `given`: gains that replace those of tuned controllers.
+    /// - `given`: gains that replace those of tuned controllers;
+    /// - `info`: the robot's.
     ///
     /// ```
     /// use regen_experiment::closed_loop::Controllers;
+    /// use regen_experiment::simulate::Gains;
     /// use regen_response::{Law, Setup, TrackControllers};
+    /// use regen_runtime::Info;
     ///
+    /// let info = Info { coordinates: &["q1"], actuated: &[0], ..Info::EMPTY };
     /// let setup = Setup::new(vec![Law::pd(40.0, 2.0)]);
-    /// let own = TrackControllers::new(&[Some(&setup), None], &[]);
+    /// let own = TrackControllers::new(&[Some(&setup), None], &[], &info);
     /// assert!(matches!(own.of(0, 3.0), Controllers::Known { pid, .. } if pid[0].kp == 40.0));
     /// assert!(matches!(own.of(1, 3.0), Controllers::Tuned { bandwidth, .. } if bandwidth == 3.0));
     /// assert!(own.are_tuned());
+    /// let given = [Gains { name: Some("q1".to_owned()), values: [40.0, 0.0, 2.0] }];
+    /// assert!(!TrackControllers::new(&[None], &given, &info).are_tuned());
     /// ```
-    pub fn new(known: &[Option<&Setup>], given: &'a [Gains]) -> Self {
+    pub fn new(known: &[Option<&Setup>], given: &'a [Gains], info: &Info<'_>) -> Self {
         let of_setup = |setup: &Setup| {
             let laws = setup.laws.iter();
             let pid = laws.clone().map(|law| Pid {
@@ -44,6 +54,7 @@ impl<'a> TrackControllers<'a> {
         Self {
             known: known.collect(),
             given,
+            are_given: Gains::are_of_all(given, info),
         }
     }
 
@@ -60,8 +71,8 @@ impl<'a> TrackControllers<'a> {
         }
     }
 
-    /// Whether the controllers of any track are tuned.
+    /// Whether the gains of any joint are tuned, in any track.
     pub fn are_tuned(&self) -> bool {
-        self.known.iter().any(Option::is_none)
+        !self.are_given && self.known.iter().any(Option::is_none)
     }
 }

@@ -2,7 +2,7 @@
 //! efforts that balance gravity.
 
 use nalgebra::{DMatrix, DVector};
-use regen_runtime::{ClosureError, LoopClosure, Model, Outcome, SizeError};
+use regen_runtime::{ClosureError, Info, LoopClosure, Model, Outcome, SizeError};
 
 use super::Pid;
 
@@ -13,6 +13,27 @@ pub struct Gains {
     pub name: Option<String>,
     /// kp, ki and kd, in the units of [`Pid`].
     pub values: [f64; 3],
+}
+
+impl Gains {
+    /// Whether these are the gains of the controllers of all actuated joints.
+    ///
+    /// ```
+    /// use regen_experiment::simulate::Gains;
+    /// use regen_runtime::Info;
+    ///
+    /// let info = Info { coordinates: &["q1", "q2"], actuated: &[0, 1], ..Info::EMPTY };
+    /// let of = |name: Option<&str>| Gains { name: name.map(str::to_owned), values: [9.0, 0.0, 1.0] };
+    /// assert!(Gains::are_of_all(&[of(None)], &info));
+    /// assert!(Gains::are_of_all(&[of(Some("q2")), of(Some("q1"))], &info));
+    /// assert!(!Gains::are_of_all(&[of(Some("q2"))], &info));
+    /// ```
+    pub fn are_of_all(given: &[Self], info: &Info<'_>) -> bool {
+        let names = info.actuated.iter();
+        let mut names = names.map(|k| info.coordinates.get(*k).copied());
+        let is_given = |name: Option<&str>| given.iter().any(|own| own.name.as_deref() == name);
+        given.iter().any(|own| own.name.is_none()) || names.all(is_given)
+    }
 }
 
 /// Why controllers cannot be tuned.
