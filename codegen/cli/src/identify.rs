@@ -330,7 +330,8 @@ fn logs(
     observe::note_problems(&start.reports);
     let short = results::too_short(&start.deviations).filter(|_| args.bandwidth.is_none());
     let few = results::too_few(&start);
-    for text in few.iter().chain(&short) {
+    let noisy = results::noisy_accelerations(&start.reports);
+    for text in noisy.iter().chain(&few).chain(&short) {
         terminal::note(text);
     }
     note_unexplained(model, &start.errors);

@@ -35,6 +35,9 @@ pub struct FileReport {
     pub velocities: bool,
     /// The names of the measured coordinates that never move.
     pub still: Vec<String>,
+    /// The names of the coordinates of whose squared accelerations in the last pass at least half is
+    /// noise of their positions; none where accelerations are not computed from positions.
+    pub noisy: Vec<String>,
     /// The faulty rows.
     pub problems: Problems,
     /// What was done with the faulty rows.
@@ -56,6 +59,8 @@ pub(super) struct Log {
 /// The largest number of rows on either side that a filter may need, as a window with them is held
 /// in memory.
 const MAX_SUPPORT_ROWS: usize = 1_000_000;
+/// The part of the squared accelerations of a coordinate from which on their noise is told.
+const NOISE_PART: f64 = 0.5;
 /// The part of a coordinate's rms speed below which it may stick; a swing spends one part in forty of
 /// its time there.
 const STICKING_PART: f64 = 0.05;
@@ -196,6 +201,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let still = constant.filter_map(|(c, _)| info.coordinates.get(*c));
             reports.push(FileReport {
                 still: still.map(|name| (*name).to_owned()).collect(),
+                noisy: Vec::new(),
                 file: name,
                 rows,
                 step: survey.time_step(),
@@ -276,6 +282,8 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                 count: 0,
                 follows: false,
                 states: 0,
+                accelerations: vec![0.0; log.encoders.len()],
+                rows_moved: 0,
                 problems: &mut fresh,
                 each,
             };
@@ -311,6 +319,14 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
             }
             window.finish()?;
             report.states = window.states;
+            let noisy = noisy(
+                log,
+                &self.settings,
+                &window.accelerations,
+                window.rows_moved,
+            )?;
+            let noisy = noisy.iter().filter_map(|c| info.coordinates.get(*c));
+            report.noisy = noisy.map(|name| (*name).to_owned()).collect();
             if self.settings.policy == Policy::Fail && fresh.total() > 0 {
                 return Err(DataError::Problems {
                     file: report.file.clone(),
@@ -379,6 +395,40 @@ fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError
                 .max(STICKING_PART * usual)
         })
         .collect())
+}
+
+/// The indices of the measured coordinates of whose accelerations at least [`NOISE_PART`] is noise of
+/// their positions.
+///
+/// - `squares`: the sum of the squares of each one's accelerations over `rows` rows.
+fn noisy(
+    log: &Log,
+    settings: &Settings,
+    squares: &[f64],
+    rows: usize,
+) -> Result<Vec<usize>, DataError> {
+    let layout = &log.file.layout;
+    if layout.derivatives || log.series.is_some() || settings.period.is_some() {
+        return Ok(Vec::new());
+    }
+    let step = log.survey.time_step();
+    let method = settings.method.of_states(step);
+    let gain = match method {
+        Method::Central => None,
+        _ => Some(method.gains(step).map_err(|why| signal(&log.file, why))?[1]),
+    };
+    let of_positions = layout.velocities.iter().map(Option::is_none);
+    let encoders = log.encoders.iter().zip(of_positions).zip(squares);
+    let is_noisy = |(encoder, square): (&Encoder, &f64)| {
+        let noise = match gain {
+            Some(gain) => gain * encoder.noise,
+            None => encoder.acceleration_noise(step),
+        };
+        noise * noise > NOISE_PART * square / rows.max(1) as f64
+    };
+    let found = layout.measured.iter().zip(encoders);
+    let found = found.filter(|(_, ((encoder, own), square))| *own && is_noisy((encoder, square)));
+    Ok(found.map(|(c, _)| *c).collect())
 }
 
 /// The number of rows on either side that a state depends on.

@@ -77,6 +77,16 @@ impl Encoder {
         (self.travel * self.travel - noise).max(0.0).sqrt() / step
     }
 
+    /// The standard deviation of the noise of second differences over the number of neighbours that
+    /// suits the encoder, rad/s^2 or m/s^2.
+    ///
+    /// - `step`: the time between rows, s.
+    pub(super) fn acceleration_noise(self, step: f64) -> f64 {
+        let place = self.neighbours.saturating_sub(1);
+        let gain = STENCILS.get(place).map_or(0.0, |(_, gain)| *gain);
+        gain * self.noise / (step * step)
+    }
+
     /// The largest range of a position that is at rest over this many rows, rad or m.
     fn band(self, rows: f64) -> f64 {
         // rounding of decimals makes the steps slightly unequal

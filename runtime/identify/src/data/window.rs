@@ -45,6 +45,9 @@ pub(super) struct Window<'a, 'm, M: ?Sized> {
     /// Whether the next state follows the last one without a gap.
     pub(super) follows: bool,
     pub(super) states: usize,
+    /// The sum of the squared accelerations of each measured coordinate, over `rows_moved` rows.
+    pub(super) accelerations: Vec<f64>,
+    pub(super) rows_moved: usize,
     pub(super) problems: &'a mut Problems,
     /// Receives each state.
     pub(super) each: &'a mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
@@ -149,6 +152,11 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 valid = valid.start.max(start)..valid.end.min(stop);
             }
         }
+        for (sum, [_, _, own]) in self.accelerations.iter_mut().zip(&motion) {
+            let own = own.get(valid.clone()).unwrap_or_default();
+            *sum += own.iter().map(|a| a * a).sum::<f64>();
+        }
+        self.rows_moved += valid.len();
         let mut still: Vec<Vec<bool>> = Vec::with_capacity(m);
         let entries = layout.positions().zip(&self.log.encoders);
         for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {

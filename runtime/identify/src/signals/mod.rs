@@ -332,8 +332,14 @@ impl Method {
     /// # Ok::<(), regen_identify::signals::SignalError>(())
     /// ```
     pub fn rate_gain(&self, step: f64) -> Result<f64, SignalError> {
+        Ok(self.gains(step)?[0])
+    }
+
+    /// The standard deviations of the first and the second derivative where the samples have white
+    /// noise of standard deviation 1; 0 for a series. See [`rate_gain`](Self::rate_gain).
+    pub(crate) fn gains(&self, step: f64) -> Result<[f64; 2], SignalError> {
         let Some(support) = self.support(step)? else {
-            return Ok(0.0);
+            return Ok([0.0; 2]);
         };
         // the response to a single sample of size 1
         let side = support + 2;
@@ -341,8 +347,11 @@ impl Method {
         let mut impulse = vec![0.0; times.len()];
         impulse[side] = 1.0;
         let response = self.differentiate(&times, &impulse)?;
-        let rates = response.rate.iter().filter(|r| r.is_finite());
-        Ok(rates.map(|r| r * r).sum::<f64>().sqrt())
+        let size = |values: &[f64]| {
+            let finite = values.iter().filter(|x| x.is_finite());
+            finite.map(|x| x * x).sum::<f64>().sqrt()
+        };
+        Ok([size(&response.rate), size(&response.acceleration)])
     }
 }
 

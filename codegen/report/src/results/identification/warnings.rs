@@ -1,5 +1,6 @@
 //! Warnings about a fit, in words.
 
+use regen_identify::data::FileReport;
 use regen_identify::estimate::{Deviations, EffortError};
 use regen_identify::identify::LeftOut;
 use regen_identify::session::LeastSquaresStart;
@@ -59,6 +60,34 @@ pub fn unexplained(errors: &[EffortError], has_friction: bool) -> Option<String>
              it does: look at the columns, their units, whether the motion is smooth enough \
              (--butterworth), and how large the noise is (`regen inspect`){friction}",
             names.join(", ")
+        )
+    })
+}
+
+/// The warning about runs whose accelerations are noise of the positions for the most part: parameters
+/// that act through them are then too small. `None` without such runs.
+///
+/// ```
+/// use regen_identify::data::FileReport;
+/// use regen_report::results::noisy_accelerations;
+///
+/// let clean = FileReport { file: "a.csv".to_owned(), ..FileReport::default() };
+/// assert_eq!(noisy_accelerations(&[clean.clone()]), None);
+/// let noisy = FileReport { noisy: vec!["q2".to_owned()], ..clean };
+/// let text = noisy_accelerations(&[noisy]).unwrap_or_default();
+/// assert!(text.contains("a.csv: q2") && text.contains("--butterworth"));
+/// ```
+pub fn noisy_accelerations(reports: &[FileReport]) -> Option<String> {
+    let noisy = reports.iter().filter(|report| !report.noisy.is_empty());
+    let names: Vec<String> = noisy
+        .map(|report| format!("{}: {}", report.file, report.noisy.join(", ")))
+        .collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "warning: the accelerations of these coordinates are noise of their positions for the most \
+             part, so that inertia is found too small: {}. Filter the logs, --butterworth ORDER,CUTOFF; \
+             `regen inspect` proposes a cutoff",
+            names.join("; ")
         )
     })
 }
