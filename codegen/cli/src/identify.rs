@@ -13,7 +13,7 @@ use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{
     self, Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
 };
-use regen_runtime::Parameter;
+use regen_runtime::Friction;
 
 use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, WeightingArg};
 use crate::exit::Failure;
@@ -129,7 +129,8 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
         observe::require_consistent(&args.reading)?;
         let start = with_friction(&session, &args.logs)?;
         observe::note_problems(&start.reports);
-        let summary = Summary::of(&start);
+        let mut summary = Summary::of(&start);
+        summary.corrected_delays = observe::settings(&args.reading).delays;
         (start, summary)
     } else {
         physical::note_friction(model);
@@ -351,7 +352,8 @@ fn logs(
 
 /// Warns of efforts that the model hardly explains.
 pub(crate) fn note_unexplained(model: &Interpreted<'_>, errors: &[EffortError]) {
-    let has_friction = model.info().parameters.iter().any(Parameter::is_friction);
+    let mut joints = model.info().joints.iter();
+    let has_friction = joints.any(|joint| joint.friction != Friction::None);
     if let Some(text) = results::unexplained(errors, has_friction) {
         terminal::note(&text);
     }

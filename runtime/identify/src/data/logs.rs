@@ -11,6 +11,7 @@ use super::settings::Settings;
 use super::shift;
 use super::standstill::{self, Differences, Encoder};
 use super::stretch::Stretch;
+use super::unmeasured::Unmeasured;
 use super::window::Window;
 use crate::estimate::EstimateError;
 use crate::identify::{ChangedEfforts, Completion, Filtering, MotionSeries, Source, StateSample};
@@ -275,6 +276,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                 model: self.model,
                 support: support(log, &self.settings)?,
                 sign_thresholds: sign_thresholds(log, &self.settings)?,
+                unmeasured: Unmeasured::all(self.model, measured)?,
                 delays: delays(&info, &self.settings),
                 rows: Stretch::default(),
                 weights: Vec::new(),

@@ -36,6 +36,7 @@ mod stretch;
 mod stuck;
 mod table;
 mod tracks;
+mod unmeasured;
 mod window;
 
 pub(crate) use columns::UNITS;

@@ -9,6 +9,7 @@ use super::settings::Settings;
 use super::shift;
 use super::standstill::{Encoder, resting};
 use super::stretch::Stretch;
+use super::unmeasured::Unmeasured;
 use crate::estimate::EstimateError;
 use crate::identify::{Completeness, Completion, StateSample};
 use crate::signals::{Method, SignalError, Smoothing};
@@ -34,6 +35,8 @@ pub(super) struct Window<'a, 'm, M: ?Sized> {
     pub(super) support: usize,
     /// The speed of each measured coordinate below which noise may turn its sign, rad/s or m/s.
     pub(super) sign_thresholds: Vec<f64>,
+    /// The coordinates that follow measured ones by constant factors.
+    pub(super) unmeasured: Vec<Unmeasured>,
     /// The delay of each actuated joint's effort, s.
     pub(super) delays: Vec<f64>,
     pub(super) rows: Stretch,
@@ -220,6 +223,15 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         still: &[Vec<bool>],
     ) -> Result<(), DataError> {
         let states = self.completion.complete_many(motion, samples)?;
+        let reversals: Vec<(usize, f64, f64)> = self
+            .unmeasured
+            .iter()
+            .map(|own| {
+                let reach = self.log.encoders.iter().map(|encoder| self.reach(*encoder));
+                let slowest = own.combined(&self.sign_thresholds);
+                (own.coordinate, slowest, own.largest(reach))
+            })
+            .collect();
         let info = self.model.info();
         let (n, dof, count) = (info.coordinates.len(), info.dof(), samples.len());
         // ordered entry by entry, as functions at many states require
@@ -290,6 +302,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 rests[*c] = own[k];
             }
             let [q, qd, qdd] = states.state(at);
+            for (c, slowest, reach) in &reversals {
+                rests[*c] |= qd[*c].abs() < slowest.max(qdd[*c].abs() * reach);
+            }
             let row = StateSample {
                 time: self.rows.times()[k],
                 q,

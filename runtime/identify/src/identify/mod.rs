@@ -40,6 +40,7 @@ pub use sampling::ChangedEfforts;
 pub(crate) use sampling::ChangedParameters;
 pub(crate) use stored::Means;
 pub use stored::StoredEquations;
+pub(crate) use stream::depends_on_direction;
 pub use stream::{Columns, LeftOut, NoColumns, equations};
 
 use crate::estimate::EstimateError;

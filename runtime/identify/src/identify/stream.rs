@@ -7,8 +7,9 @@ use super::filtering::{Filtering, Standstill};
 use super::passes::Source;
 use super::pending::Pending;
 use crate::estimate::EstimateError;
+use crate::friction::directions;
 use crate::signals::{SignalError, Smoothing};
-use regen_runtime::{BaseModel, Condition, Friction};
+use regen_runtime::{BaseModel, Condition, Friction, Joint};
 
 /// How many samples and equations a pass used and left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,6 +103,9 @@ const BLOCK_ROWS: usize = 2048;
 /// twentieth of its rms value in a part of 0.0225, so that of fast motion not everything is left out.
 const MAX_RESTED_PART: f64 = 0.03;
 
+/// Factors of couplings are larger than this.
+const NO_FACTOR: f64 = 1e-9;
+
 /// Passes the equations of a log to `each` in order of time: the base regressor at every state,
 /// then the additional columns, all filtered according to [`Source::filtering`] (energy balances
 /// are not filtered: their integrals smooth them already). Equations at standstill have the weight
@@ -172,22 +176,37 @@ struct Stream<'m, M: ?Sized> {
     left: LeftOut,
 }
 
+/// Whether a joint has friction that depends on the direction of its motion.
+pub(crate) fn depends_on_direction(joint: &Joint) -> bool {
+    !matches!(joint.friction, Friction::None | Friction::Viscous)
+}
+
 /// Which coordinates have friction that depends on the direction.
 struct Direction {
     independent: Vec<(usize, bool)>,
     dependent: bool,
+    /// The dependent ones of a model without cuts, each with the independent coordinates that it
+    /// follows by constant factors.
+    coupled: Vec<(usize, Vec<bool>)>,
 }
 
 impl Direction {
     fn of<M: BaseModel<f64> + ?Sized>(model: &M) -> Self {
         let info = model.info();
-        let signed = |c: &usize| {
-            let joint = info.joints.get(*c);
-            joint.is_some_and(|j| !matches!(j.friction, Friction::None | Friction::Viscous))
-        };
+        let signed = |c: &usize| info.joints.get(*c).is_some_and(depends_on_direction);
+        let mut coupled: Vec<usize> = info.dependent.iter().copied().filter(signed).collect();
+        let dependent = !coupled.is_empty();
+        if !info.cuts.is_empty() {
+            coupled.clear();
+        }
+        // a model whose velocities cannot be computed gives no equations, and so the error
+        let factors = directions(model, info.home, &coupled).map_or_else(|_| Vec::new(), |d| d.0);
+        let rows = factors.chunks_exact(info.dof().max(1));
+        let rows = rows.map(|row| row.iter().map(|x| x.abs() > NO_FACTOR).collect());
         Self {
             independent: info.independent.iter().map(|c| (*c, signed(c))).collect(),
-            dependent: info.dependent.iter().any(signed),
+            dependent,
+            coupled: coupled.into_iter().zip(rows).collect(),
         }
     }
 
@@ -196,8 +215,16 @@ impl Direction {
         let rests = |c: usize| still.get(c).copied().unwrap_or(false);
         // a dependent coordinate certainly rests only if all independent ones do
         let all = self.dependent && self.independent.iter().all(|(c, _)| rests(*c));
-        let rows = self.independent.iter();
-        out.extend(rows.map(|(c, signed)| f64::from(!(all || *signed && rests(*c)))));
+        let coupled = |row: usize| {
+            let own = self.coupled.iter();
+            let mut own = own.filter(|(_, follows)| follows.get(row).copied().unwrap_or(false));
+            own.any(|(c, _)| rests(*c))
+        };
+        let rows = self.independent.iter().enumerate();
+        let rests = |(row, (c, signed)): (usize, &(usize, bool))| {
+            all || *signed && rests(*c) || coupled(row)
+        };
+        out.extend(rows.map(|row| f64::from(!rests(row))));
     }
 }
 
