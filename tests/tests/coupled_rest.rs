@@ -1,0 +1,128 @@
+//! Reversals of coordinates that are not logged and follow logged ones by constant factors.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use regen_codegen::diag::Source;
+use regen_codegen::pipeline::derive;
+use regen_codegen::robot::Robot;
+use regen_identify::data::{Logs, Run, Settings};
+use regen_identify::identify::{EquationKind, NoColumns, Source as LogSource, equations};
+use regen_interpreted::{BaseTerms, Interpreted};
+use regen_runtime::Model;
+
+/// An arm whose second joint is moved by a motor at the base.
+const BELT: &str = "\
+name: belt
+gravity: [0, -9.81, 0]
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: a, actuated: true}
+      - {name: p, type: revolute, dh: {a: 0.4}, body: b, friction: coulomb}
+  - name: motor
+    joints:
+      - {name: q2, type: revolute, actuated: true, rotor_inertia: true}
+couplings: {p: q2 - q1}
+independent: [q1, q2]
+bodies:
+  a: {mass: 2, com: [0.2, 0, 0], inertia: [0.01, 0, 0, 0.02, 0, 0.02]}
+  b: {mass: 1, com: [0.1, 0, 0], inertia: [0.01, 0, 0, 0.02, 0, 0.02]}
+";
+
+/// The velocity of p.
+fn rate(t: f64) -> f64 {
+    0.6 * (2.0 * t).cos()
+}
+
+/// A log of two coordinates that turn one way only, at 1 rad/s and at that of p more.
+fn log(name: &str, second: &str) -> PathBuf {
+    let mut text = format!("t,q1,{second},tau_q1,tau_q2\n");
+    for k in 0..800 {
+        let t = 0.01 * f64::from(k);
+        let p = 0.3 * (2.0 * t).sin();
+        let other = if second == "p" { p } else { t + p };
+        writeln!(text, "{t:.2},{t},{other},{},{}", t.cos(), p).unwrap();
+    }
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// For each row its time, which coordinates rest, and which equations are used.
+fn rows(spec: &str, log: PathBuf) -> Vec<(f64, Vec<bool>, Vec<bool>)> {
+    let robot: Robot = derive(&Source::new("belt.yaml", spec)).unwrap();
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let info = Model::<f64>::info(&model);
+    assert_eq!(info.coordinates, ["q1", "p", "q2"]);
+    let mut logs = Logs::open(&model, &[Run::from(log)], &Settings::default()).unwrap();
+    let mut out = Vec::new();
+    logs.visit(&mut |row| {
+        out.push((row.time, row.at_standstill.to_vec(), Vec::new()));
+        Ok(())
+    })
+    .unwrap();
+    let mut place = 0;
+    let forces = EquationKind::Forces;
+    equations(&model, forces, &mut logs, &mut NoColumns, &mut |found| {
+        out[place].2 = found.weights.iter().map(|weight| *weight > 0.0).collect();
+        place += 1;
+        Ok(())
+    })
+    .unwrap();
+    assert_eq!(place, out.len());
+    out
+}
+
+#[test]
+fn a_coupled_joint_rests_where_it_reverses_and_its_equations_are_left_out() {
+    let found = rows(BELT, log("belt.csv", "q2"));
+    let mut rested = 0;
+    for (t, rests, used) in &found {
+        let [q1, p, q2] = rests[..] else { panic!() };
+        assert!(!q1 && !q2, "{t}");
+        rested += usize::from(p);
+        // a twentieth of the root of 1 and 1.18, the mean squares of both measured velocities, is 0.074
+        if rate(*t).abs() < 0.07 {
+            assert!(p, "{t}");
+        } else if rate(*t).abs() > 0.08 {
+            assert!(!p, "{t}");
+        }
+        // its friction acts on both
+        assert_eq!(used, &[!p, !p], "{t}");
+    }
+    // five reversals, at each a change of the velocity by 0.15 rad/s at 1.2 rad/s^2
+    assert!((50..80).contains(&rested), "{rested}");
+}
+
+#[test]
+fn without_friction_no_coupled_joint_rests() {
+    let bare = BELT.replace(", friction: coulomb", "");
+    for (_, rests, used) in rows(&bare, log("belt_bare.csv", "q2")) {
+        assert!(!rests.contains(&true) && used == [true; 2]);
+    }
+}
+
+/// The motor rubs, and the joint's position is logged in place of its own.
+#[test]
+fn a_motor_rests_by_the_positions_of_the_joints() {
+    let bare = BELT.replace(", friction: coulomb", "");
+    let motor = bare.replace(
+        "rotor_inertia: true}",
+        "rotor_inertia: true, friction: coulomb}",
+    );
+    // q2 = q1 + p turns one way only
+    for (t, rests, used) in rows(&motor, log("belt_motor.csv", "p")) {
+        assert!(!rests[2] && used == [true; 2], "{t}");
+    }
+    let reversed = motor.replace("p: q2 - q1", "p: q1 + q2");
+    // q2 = p - q1 too, but as fast as p at most where q1 stands still
+    for (t, rests, _) in rows(&reversed, log("belt_reversed.csv", "p")) {
+        let slow = (rate(t) - 1.0).abs();
+        if !(0.05..0.07).contains(&slow) {
+            assert_eq!(rests[2], slow < 0.05, "{t}");
+        }
+    }
+}
