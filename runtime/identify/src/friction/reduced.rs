@@ -287,6 +287,7 @@ impl Linearised {
 mod tests {
     use super::*;
     use crate::friction::FrictionJoint;
+    use crate::identify::Filtering;
     use crate::signals::Smoothing;
 
     /// Equations of two efforts with the friction of three joints, one of which acts on one effort
@@ -301,7 +302,10 @@ mod tests {
         let labels = ["a", "b", "c"].map(String::from);
         let mut data = FrictionData::new(&labels, &joints, 2)
             .unwrap()
-            .filtered(filter);
+            .filtered(Filtering {
+                smoothing: filter,
+                ..Filtering::default()
+            });
         for k in 0..700 {
             let t = 0.01 * f64::from(k);
             let entry = |i: usize| (t * (1.0 + 0.3 * i as f64) + i as f64).sin();
