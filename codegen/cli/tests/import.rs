@@ -281,6 +281,20 @@ fn friction_and_rotors_are_added_on_request() {
         "{}",
         geared.err
     );
+    assert!(
+        geared
+            .err
+            .contains("the file has no values of Fv, Fc, J for shoulder_pan_joint, "),
+        "{}",
+        geared.err
+    );
+    let short = ["--harmonics", "1", "--starts", "1", "--frequency", "0.2"];
+    let excited = regen(&dir, &[&["excite", "arm.yaml"][..], &short].concat());
+    assert!(
+        excited.err.contains("no nominal values of Fv(shoulder_pan_joint), Fc(shoulder_pan_joint), J(shoulder_pan_joint), "),
+        "{}",
+        excited.err
+    );
     let base = regen(&dir, &["base", "arm.yaml", "--format", "json"])
         .ended(0)
         .json();
