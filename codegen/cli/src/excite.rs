@@ -27,9 +27,11 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     if limited && settings.nominal.is_none() {
         let mut values = info.nominal.to_vec();
         values.resize(info.parameters.len(), None);
+        let missing = missing_values(&info, &values);
         terminal::note(&format!(
-            "efforts are not limited: the spec has no nominal values of {}",
-            missing_values(&info, &values).join(", ")
+            "efforts are not limited: the spec lacks {} nominal values, of {}",
+            missing.len(),
+            missing.join(", ")
         ));
     } else if limited && info.actuated.len() != info.dof() {
         terminal::note(
