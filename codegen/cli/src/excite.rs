@@ -6,6 +6,7 @@ use indicatif::ProgressBar;
 use regen_experiment::excite::{
     Criterion, ExciteError, Monitor, Outcome, Progress, Settings, excite,
 };
+use regen_experiment::simulate::missing_values;
 use regen_report::results::{Excited, excited_text};
 use regen_runtime::Info;
 
@@ -24,7 +25,14 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     let settings = settings(args, &info)?;
     let limited = settings.limits.iter().any(|limit| limit.effort.is_some());
     if limited && settings.nominal.is_none() {
-        terminal::note("efforts are not limited: the spec has no nominal value of some parameter");
+        let mut values = info.nominal.to_vec();
+        values.resize(info.parameters.len(), None);
+        let missing = missing_values(&info, &values);
+        terminal::note(&format!(
+            "efforts are not limited: the spec lacks {} nominal values, of {}",
+            missing.len(),
+            missing.join(", ")
+        ));
     } else if limited && info.actuated.len() != info.dof() {
         terminal::note(
             "efforts are not limited: actuators share them, for there are more than one each",

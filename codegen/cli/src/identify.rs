@@ -1,7 +1,7 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
 use regen_identify::data::DataError;
-use regen_identify::estimate::{EffortError, FactorSet, Weighting};
+use regen_identify::estimate::{EffortError, EstimateError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{Options, digest};
 use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
@@ -316,7 +316,8 @@ fn logs(
 ) -> Result<(LeastSquaresStart, Summary), Failure> {
     let model = session.model;
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
-    let start = from_logs(session, &mut logs).inspect_err(|error| {
+    let start = from_logs(session, &mut logs);
+    let start = start.map_err(|error| {
         // loops that do not close may be caused by two swapped columns
         let unusable = matches!(
             error,
@@ -326,6 +327,18 @@ fn logs(
             suspect::warn(args, model, logs.logs(), None);
         } else {
             observe::note_problems(logs.logs().reports());
+        }
+        let is_undetermined = matches!(
+            error,
+            SessionError::Data(DataError::Estimate(
+                EstimateError::Undetermined { .. } | EstimateError::TooShort { .. }
+            ))
+        );
+        let failure = Failure::from(error);
+        if is_undetermined {
+            observe::with_still(failure, logs.logs().reports())
+        } else {
+            failure
         }
     })?;
     observe::note_problems(&start.reports);

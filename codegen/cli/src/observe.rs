@@ -180,14 +180,41 @@ pub(crate) fn kind(reading: &ReadingArgs) -> EquationKind {
     }
 }
 
+/// What is done with joints that stand still.
+const LOCK: &str = "joints that never move can be locked, by `regen import --lock` or as `type: fixed` in the spec";
+
+/// Adds to the message of an error of too little motion the joints that do not move in any log.
+pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {
+    let first = reports.first().map(|first| first.still.as_slice());
+    let still: Vec<&str> = (first.unwrap_or_default().iter())
+        .filter(|name| reports.iter().all(|report| report.still.contains(name)))
+        .map(String::as_str)
+        .collect();
+    match failure {
+        Failure::Numeric(text) if !still.is_empty() => Failure::Numeric(format!(
+            "{text}\n  no log has motion of {} beyond its noise: {LOCK}",
+            still.join(", ")
+        )),
+        other => other,
+    }
+}
+
 /// Prints which rows of the logs were left out, or used although they are doubtful.
 pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
         if !report.still.is_empty() {
             terminal::note(&format!(
-                "warning: {}: without motion: {}; parameters that only it determines cannot be identified",
+                "warning: {}: without motion: {}; parameters that only it determines cannot be identified; \
+                 {LOCK}",
                 report.file,
                 report.still.join(", ")
+            ));
+        }
+        if let Some((first, last)) = report.uncut {
+            terminal::note(&format!(
+                "warning: {}: these times leave out no row: those of the log are from {first} s to \
+                 {last} s; `times` are in s, whatever the unit of the column of time is",
+                report.file,
             ));
         }
         for policy in [Policy::Fail, Policy::Drop, Policy::Tell, Policy::Keep] {
@@ -236,19 +263,37 @@ impl From<DataError> for Failure {
             DataError::Estimate(error) => error.into(),
             DataError::Feasibility(error) => error.into(),
             DataError::Problems { ref problems, .. } => {
-                let is_short = |fault: &Fault| match fault {
+                // a clock whose stamps come late has short gaps, and the same time twice
+                let is_of_clock = |fault: &Fault| match fault {
                     Fault::Gap { step, usual } => *step <= SHORT_GAP_STEPS * usual,
+                    Fault::Duplicate { .. } => true,
                     _ => false,
                 };
-                let resample = if problems.first.iter().all(|p| is_short(&p.what)) {
-                    "; or interpolate uneven steps with --resample HZ"
-                } else {
-                    ""
-                };
-                Self::Input(format!(
-                    "{error}  leave them out with --problems drop, or use those that are numbers \
-                     with --problems keep{resample}"
-                ))
+                let gaps = problems.first.iter().filter_map(|p| match p.what {
+                    Fault::Gap { usual, .. } => Some(usual),
+                    _ => None,
+                });
+                let clock_kinds = ["gap", "duplicate time"];
+                let is_clock = problems.first.iter().all(|p| is_of_clock(&p.what))
+                    && (problems.counts.iter())
+                        .all(|(kind, _)| clock_kinds.contains(&kind.as_str()));
+                match gaps.last().filter(|_| is_clock) {
+                    Some(usual) => Self::Input(format!(
+                        "{error}  the steps of time are uneven: interpolate onto an even grid with \
+                         --resample {}{}; or, if all other steps are equal, leave the rows out with \
+                         --problems drop",
+                        (1.0 / usual).round().max(1.0),
+                        if problems.counts.len() > 1 {
+                            " and --problems drop"
+                        } else {
+                            ""
+                        }
+                    )),
+                    None => Self::Input(format!(
+                        "{error}  leave them out with --problems drop, or use those that are \
+                         numbers with --problems keep"
+                    )),
+                }
             }
             DataError::Signal {
                 why: SignalError::NotUniform { .. },

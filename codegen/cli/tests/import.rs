@@ -281,6 +281,22 @@ fn friction_and_rotors_are_added_on_request() {
         "{}",
         geared.err
     );
+    assert!(
+        geared
+            .err
+            .contains("the file has no values of Fv, Fc, J for shoulder_pan_joint, "),
+        "{}",
+        geared.err
+    );
+    // too few harmonics, as the note comes before the search
+    let excited = regen(&dir, &["excite", "arm.yaml", "--harmonics", "1"]);
+    assert!(
+        excited
+            .err
+            .contains("the spec lacks 18 nominal values, of Fv(shoulder_pan_joint), "),
+        "{}",
+        excited.err
+    );
     let base = regen(&dir, &["base", "arm.yaml", "--format", "json"])
         .ended(0)
         .json();

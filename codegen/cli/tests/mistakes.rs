@@ -108,8 +108,11 @@ const LOGS: [Mistake; 23] = [
     ("an encoder jumps a turn", |l| cell(l, 200, 1, "8.4"), &[]),
     ("no header", |l| drop(l.remove(0)), &[]),
     (
-        "blanks",
-        |l| l.iter_mut().for_each(|row| *row = row.replace(',', " ")),
+        "blanks in names between blanks",
+        |l| {
+            l.iter_mut().for_each(|row| *row = row.replace(',', " "));
+            l[0] = l[0].replace(' ', " [si] ");
+        },
         &[],
     ),
     ("an empty cell", |l| cell(l, 7, 1, ""), &[]),

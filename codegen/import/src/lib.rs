@@ -183,8 +183,11 @@ pub fn import(
     if log.failed() {
         return Err(log.reports());
     }
-    let (name, spec) =
+    let (name, spec, actuated) =
         write_valid_spec(&draft, &tree, &source.name, options).map_err(|r| vec![r])?;
+    if options.geared {
+        notes::without_values(&draft, &actuated, &tree, &mut log);
+    }
     Ok(Imported {
         name,
         spec,
@@ -298,15 +301,17 @@ fn home(draft: &mut Draft, options: &Options, log: &mut Log) {
     }
 }
 
-/// Name and text of the spec, with a valid choice of independent coordinates.
+/// Name and text of the spec, with a valid choice of independent coordinates, and its joints with
+/// motors.
 fn write_valid_spec(
     draft: &Draft,
     tree: &Tree,
     file: &str,
     options: &Options,
-) -> Result<(String, String), Report> {
+) -> Result<(String, String, Vec<String>), Report> {
     let name = names::module(options.name.as_deref().unwrap_or(&tree.name));
     let actuated = actuated(draft, tree);
+    let mut with_motors = actuated.clone();
     let mut frame = write::SpecContext {
         name: &name,
         robot: &tree.name,
@@ -338,13 +343,14 @@ fn write_valid_spec(
             frame.actuated = &motors;
             frame.independent = None;
             text = write::write(draft, &frame);
+            with_motors.clone_from(&motors);
         } else {
             frame.independent = Some(&choice);
             text = write::write(draft, &frame);
         }
         choose::test_independent(&text, options.names.home)?;
     }
-    Ok((name, text))
+    Ok((name, text, with_motors))
 }
 
 /// Replaces each joint that follows others by one of those, since the spec's format takes joints

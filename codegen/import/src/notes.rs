@@ -1,5 +1,6 @@
 //! Notes on the robot as a whole.
 
+use crate::layout::Draft;
 use crate::log::Log;
 use crate::number::number;
 use crate::tree::{Joint, Tree};
@@ -25,6 +26,36 @@ pub(crate) fn without_friction(tree: &Tree, remedy: &str, log: &mut Log) {
              from such logs, import with {remedy}"
         );
         log.note(tree.place, text);
+    }
+}
+
+/// Notes the values that the file has not of friction and rotors that are added to joints with motors.
+///
+/// - `actuated`: the joints with motors, by their names in the spec.
+pub(crate) fn without_values(draft: &Draft, actuated: &[String], tree: &Tree, log: &mut Log) {
+    for joint in draft.limbs.iter().flat_map(|limb| &limb.joints) {
+        let (Some(name), Some(from)) = (&joint.name, &joint.from) else {
+            continue;
+        };
+        if !actuated.contains(name) {
+            continue;
+        }
+        let mut symbols = Vec::new();
+        if from.damping == 0.0 && from.friction == 0.0 {
+            symbols.extend(["Fv", "Fc"]);
+        }
+        if from.armature == 0.0 {
+            symbols.push("J");
+        }
+        if symbols.is_empty() {
+            continue;
+        }
+        let text = format!(
+            "the file has no values of {} for {{}}: to simulate the robot or to limit its efforts, add them \
+             to the joints of the spec, as in `nominal: {{Fv: 1.5, Fc: 2, J: 0.1}}`",
+            symbols.join(", ")
+        );
+        log.note_of(tree.place, text, name);
     }
 }
 

@@ -316,6 +316,63 @@ fn joints_are_locked_at_the_given_positions() {
 }
 
 #[test]
+fn joints_with_several_coordinates_are_locked_as_a_whole_or_by_coordinate() {
+    for kind in ["planar", "floating"] {
+        let moving = ARM.replace(
+            "name=\"q\" type=\"revolute\"",
+            &format!("name=\"q\" type=\"{kind}\""),
+        );
+        let fixed = ARM.replace("name=\"q\" type=\"revolute\"", "name=\"q\" type=\"fixed\"");
+        let options = |joints: &[&str]| Options {
+            lock: joints.iter().map(|&j| j.to_owned()).collect(),
+            ..Options::default()
+        };
+        let expected = spec(&fixed);
+        assert_eq!(imported_with(&moving, &options(&["q"])).spec, expected);
+        let all: &[&str] = match kind {
+            "planar" => &["q_x", "q_y", "q_turn"],
+            _ => &["q_x", "q_y", "q_z", "q_turn"],
+        };
+        assert_eq!(imported_with(&moving, &options(all)).spec, expected);
+        let some = imported_with(&moving, &options(&["q_x"])).spec;
+        assert!(!some.contains("q_x") && some.contains("q_y"), "{some}");
+        let message = refused_with(&moving, &options(&["q=1"]));
+        assert_has(
+            &message,
+            "'q' has several coordinates, and is locked as a whole at 0",
+        );
+        assert_has(&message, "--base fixed");
+    }
+}
+
+#[test]
+fn patterns_lock_all_joints_that_fit_and_a_value_outside_the_limits_is_noted() {
+    let options = |lock: &str| Options {
+        lock: vec![lock.to_owned()],
+        base: Some(Base::Floating),
+        ..Options::default()
+    };
+    let all = imported_with(ARM, &options("?=0.5"));
+    assert!(!all.spec.contains("name: q") && !all.spec.contains("name: r,"));
+    assert!(!notes(&all).contains("outside"), "{}", notes(&all));
+    assert_has(
+        &notes(&imported_with(ARM, &options("q*=2"))),
+        "'q' is locked at 2, outside its limits [0, 1]",
+    );
+    assert_has(
+        &refused_with(ARM, &options("wheel_*")),
+        "no joint has a name like 'wheel_*'",
+    );
+    // a joint that follows one of the others is locked with it
+    let mimic = ARM.replace(
+        "<axis xyz=\"0 1 0\"/>",
+        "<axis xyz=\"0 1 0\"/><mimic joint=\"q\"/>",
+    );
+    let still = imported_with(&mimic, &options("*")).spec;
+    assert!(!still.contains("name: q") && !still.contains("name: r,"));
+}
+
+#[test]
 fn limits_that_contradict_the_joint_followed_are_named() {
     let mimic = "<axis xyz=\"0 1 0\"/><mimic joint=\"q\" multiplier=\"-1\"/>";
     let text = ARM.replace("<axis xyz=\"0 1 0\"/>", mimic);

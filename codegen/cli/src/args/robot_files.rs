@@ -56,7 +56,8 @@ pub(crate) struct ImportArgs {
     /// How the root link is attached [default: as in the file; fixed in URDF]
     #[arg(long, value_enum, value_name = "BASE")]
     pub(crate) base: Option<Base>,
-    /// Joints to lock: NAME, at 0, or NAME=VALUE in rad or m
+    /// Joints to lock: NAME, at 0, or NAME=VALUE in rad or m; * is any part
+    /// of a name, as in 'wheel_*'
     #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
     pub(crate) lock: Vec<String>,
     /// Give joints with motors friction and rotor inertia, as drives with

@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use regen_identify::data::{Assignment, DataError, Fault, Logs, Policy, Settings};
+use regen_identify::data::{
+    Assignment, DataError, Fault, FileReport, Logs, Policy, Problem, Problems, Settings,
+};
 use regen_identify::identify::{EquationKind, Identified, Options, identify};
 use regen_identify::signals::Method;
 
@@ -71,6 +73,55 @@ fn faults_are_told_with_their_rows_or_left_out() {
         assert!(worst(&found.estimate.values, beta) < 3e-2);
         fs::remove_file(path).unwrap();
     });
+}
+
+#[test]
+fn an_uneven_clock_is_answered_with_a_grid_and_other_faults_are_not() {
+    let usual = 0.004;
+    let gap = |step: f64| Problem::of(7, Fault::Gap { step, usual });
+    let twice = Problem::of(9, Fault::Duplicate { time: 1.0 });
+    let told = |first: &[Problem]| {
+        let counts = first.iter().map(|own| (own.what.kind().to_owned(), 1));
+        let problems = Problems {
+            first: first.to_vec(),
+            counts: counts.collect(),
+        };
+        let file = "log.csv".to_owned();
+        crate::exit::Failure::from(DataError::Problems { file, problems }).to_string()
+    };
+    assert!(told(&[gap(0.006)]).contains("even grid with --resample 250; or"));
+    let both = told(&[gap(0.006), twice.clone()]);
+    assert!(
+        both.contains("--resample 250 and --problems drop"),
+        "{both}"
+    );
+    for others in [&[gap(0.6)][..], &[twice][..]] {
+        let text = told(others);
+        assert!(!text.contains("--resample"), "{text}");
+        assert!(
+            text.contains("leave them out with --problems drop"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn joints_that_stand_still_in_all_logs_are_named_with_the_remedy() {
+    let report = |still: &[&str]| FileReport {
+        still: still.iter().map(|name| (*name).to_owned()).collect(),
+        ..FileReport::default()
+    };
+    let error = || crate::exit::Failure::Numeric("the data determine 1 of 2".to_owned());
+    let logs = [report(&["head", "q2", "wheel"]), report(&["wheel", "head"])];
+    let text = crate::observe::with_still(error(), &logs).to_string();
+    assert!(
+        text.contains("no log has motion of head, wheel beyond"),
+        "{text}"
+    );
+    assert!(text.contains("`regen import --lock`"), "{text}");
+    let moved = [report(&["q2"]), report(&[])];
+    let text = crate::observe::with_still(error(), &moved).to_string();
+    assert!(!text.contains("--lock"), "{text}");
 }
 
 #[test]

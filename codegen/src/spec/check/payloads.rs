@@ -16,11 +16,24 @@ impl Checker<'_> {
                 let path = joint_path(limb, index);
                 self.payload(joint, &path);
                 if let Some(next) = limb.joints.get(index + 1) {
+                    // a second payload behind the first one is meant to be at the same flange
+                    let carrier = limb.joints.get(..index).unwrap_or_default();
+                    let carrier = carrier.iter().rev().find_map(|own| own.body.as_ref());
+                    let carrier = carrier.map_or("BODY", |body| body.0.text.as_str());
+                    let hint = if next.payload.value {
+                        format!(
+                            "each payload has a limb of its own, from the body that carries it: \
+                             `- name: second`, `from: {carrier}`, `joints: [{{type: fixed, body: \
+                             LOAD, payload: true}}]`"
+                        )
+                    } else {
+                        "without the payload nothing would carry the joint".to_owned()
+                    };
                     self.sink.push(
                         Diagnostic::new(joint.payload.span, "a payload ends its limb")
                             .path(path)
                             .secondary(next.span, "this joint is on it")
-                            .hint("without the payload nothing would carry the joint"),
+                            .hint(hint),
                     );
                 }
             }

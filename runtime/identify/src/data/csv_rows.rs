@@ -4,14 +4,14 @@
 //! read; from the first other one on, the library that knows all of CSV reads the file.
 
 use std::fs::File;
-use std::io::{self, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 
 use csv::{ByteRecord, Reader};
 
 use super::file_rows::{FileRow, Table, Wanted, failed, shortened};
 use super::lines::{Lines, Place};
 use super::problem::{DataError, Fault};
-use super::table::{COMMENT, Written};
+use super::table::{COMMENT, Separator, Written};
 
 /// The rows of a CSV file.
 pub(super) struct CsvRows<'a> {
@@ -58,17 +58,37 @@ impl<'a> CsvRows<'a> {
         wanted: Vec<Wanted>,
     ) -> Result<Self, DataError> {
         let open = || -> Result<Records, csv::Error> {
-            let mut start = Place { byte: 0, line: 1 };
-            if written.has_header() {
-                let mut reader = written.reader(File::open(&table.path)?, true);
+            let mut start = written.start();
+            let from = |place: Place| -> io::Result<File> {
+                let mut file = File::open(&table.path)?;
+                file.seek(SeekFrom::Start(place.byte))?;
+                Ok(file)
+            };
+            if written.has_header() && written.separator() == Separator::Blank {
+                let mut lines = Lines::new(from(start)?, start);
+                while let Some((line, place)) = lines.next_line()? {
+                    start = place;
+                    // the names may stand in a comment of MATLAB
+                    if !is_passed_over(line, written.separator(), COMMENT) {
+                        break;
+                    }
+                }
+            } else if written.has_header() {
+                let mut reader = written.header_reader(from(start)?);
                 reader.byte_headers()?;
-                let position = reader.position();
-                (start.byte, start.line) = (position.byte(), position.line());
+                let length = reader.position().byte();
+                // the library does not count empty lines, and leaves the second byte of an end of
+                // line to the next row
+                let mut names = Vec::new();
+                from(start)?.take(length + 1).read_to_end(&mut names)?;
+                if !names.ends_with(b"\r\n") {
+                    names.truncate(usize::try_from(length).unwrap_or(usize::MAX));
+                }
+                start.byte += names.len() as u64;
+                start.line += memchr::memchr_iter(b'\n', &names).count() as u64;
             }
-            let mut file = File::open(&table.path)?;
-            file.seek(SeekFrom::Start(start.byte))?;
             Ok(Records::Plain {
-                lines: Lines::new(file, start),
+                lines: Lines::new(from(start)?, start),
                 entries: Vec::new(),
             })
         };
@@ -101,10 +121,16 @@ impl<'a> CsvRows<'a> {
                     Ok(None) => return Ok(None),
                     Err(why) => return Err(failed(why.into())),
                 };
-                if line.is_empty() || line.first() == Some(&COMMENT) {
+                if is_passed_over(line, self.written.separator(), self.written.comment()) {
                     continue;
                 }
+                let is_blank = self.written.separator() == Separator::Blank;
                 let marked = before == 0 && line.starts_with(BYTE_ORDER_MARK);
+                let line = match line.strip_prefix(BYTE_ORDER_MARK) {
+                    Some(rest) if marked && is_blank => rest,
+                    _ => line,
+                };
+                let marked = marked && !is_blank;
                 if marked || !divide(line, self.written, entries) {
                     break;
                 }
@@ -159,7 +185,7 @@ impl<'a> CsvRows<'a> {
         let mut file = File::open(&self.table.path)?;
         file.seek(SeekFrom::Start(start.byte))?;
         Ok(Records::Any {
-            reader: Box::new(self.written.reader(file, false)),
+            reader: Box::new(self.written.reader(file)),
             record: ByteRecord::new(),
             start,
         })
@@ -169,9 +195,45 @@ impl<'a> CsvRows<'a> {
 /// What some programs write at the beginning of a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
+/// Whether a line is empty or a comment.
+fn is_passed_over(line: &[u8], separator: Separator, comment: u8) -> bool {
+    let line = match separator {
+        Separator::Blank => line.trim_ascii(),
+        _ => line,
+    };
+    line.is_empty() || line.first() == Some(&comment)
+}
+
+/// Divides a line at its blanks. An entry has those before it.
+fn divide_at_blanks(line: &[u8], written: &Written, entries: &mut Vec<Entry>) {
+    entries.clear();
+    let mut begin = 0;
+    loop {
+        let rest = line.get(begin..).unwrap_or_default();
+        let Some(blanks) = rest.iter().position(|byte| !byte.is_ascii_whitespace()) else {
+            return;
+        };
+        begin += blanks;
+        let rest = rest.get(blanks..).unwrap_or_default();
+        let (number, length) = match written.leading_number(rest) {
+            Some((number, length)) => (Some(number), length),
+            None => {
+                let end = rest.iter().position(u8::is_ascii_whitespace);
+                (None, end.unwrap_or(rest.len()))
+            }
+        };
+        begin += length;
+        entries.push(Entry { end: begin, number });
+    }
+}
+
 /// Divides a line at the separators; false if it may be divided otherwise, or is no whole row.
 fn divide(line: &[u8], written: &Written, entries: &mut Vec<Entry>) -> bool {
-    let separator = written.separator();
+    if written.separator() == Separator::Blank {
+        divide_at_blanks(line, written, entries);
+        return true;
+    }
+    let separator = written.separator().byte();
     entries.clear();
     let mut begin = 0;
     loop {
@@ -317,6 +379,65 @@ mod tests {
                 let values: Vec<_> = rows.into_iter().map(|row| row.values).collect();
                 assert_eq!(values, [Ok(vec![2.0, 1.0]), Ok(vec![4.0, 3.0])], "{text}");
             }
+        }
+    }
+
+    /// The numbers of all rows of a text, each with its line.
+    fn read(text: &str) -> Vec<(u64, Vec<f64>)> {
+        let path = std::env::temp_dir().join(format!(
+            "regen-read-{}-{:?}",
+            std::process::id(),
+            std::thread::current().id()
+        ));
+        std::fs::write(&path, text).unwrap();
+        let table = Table::open(&path, Format::default(), None).unwrap();
+        let count = table.titles.len();
+        let wanted = (0..count).map(|column| Wanted {
+            column,
+            title: column.to_string(),
+        });
+        let mut rows = table.rows(wanted.collect()).unwrap();
+        let next = || {
+            rows.next_row()
+                .unwrap()
+                .map(|row| (row.line, row.values.unwrap()))
+        };
+        let found = core::iter::from_fn(next).collect();
+        std::fs::remove_file(&path).unwrap();
+        found
+    }
+
+    #[test]
+    fn rows_behind_lines_of_metadata_are_read_with_their_lines() {
+        for (text, first) in [
+            ("Robot;X\nRate;9 Hz\n\nt;a;b\n1;2,5;3\n4;5;6\n", 5),
+            (
+                "Robot;X\r\nRate;9 Hz\r\n\r\nt;a;b\r\n1;2,5;3\r\n4;5;6\r\n",
+                5,
+            ),
+            ("% made by hand\n1,2.5,3\n% pause\n4,5,6\n", 2),
+            ("% t, a, b\n1,2.5,3\n4,5,6\n", 2),
+        ] {
+            let rows = read(text);
+            assert_eq!(
+                rows.iter().map(|row| row.1.clone()).collect::<Vec<_>>(),
+                [[1.0, 2.5, 3.0], [4.0, 5.0, 6.0]],
+                "{text}"
+            );
+            assert_eq!(rows[0].0, first, "{text}");
+        }
+    }
+
+    #[test]
+    fn any_number_of_blanks_separates_and_those_at_the_ends_do_not() {
+        for text in [
+            "  1.0e+00   2.5\n -4 5.0  \n",
+            "a b\n1\t2.5\r\n   \n\n-4 \t 5\r\n",
+            "\u{feff}1 2,5\n-4 5",
+            "% made by hand\n% a b\n 1 2.5\n % pause\n-4 5\n",
+        ] {
+            let rows: Vec<_> = read(text).into_iter().map(|row| row.1).collect();
+            assert_eq!(rows, [[1.0, 2.5], [-4.0, 5.0]], "{text}");
         }
     }
 

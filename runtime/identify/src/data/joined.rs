@@ -24,6 +24,8 @@ pub(super) struct JoinedRows<'a> {
     count: u64,
     /// Whether the last good row was within the times that are read.
     inside: bool,
+    /// The first and the last time of rows that are outside the times that are read, s.
+    outside: Option<(f64, f64)>,
     /// The last row.
     row: LogRow,
 }
@@ -126,11 +128,18 @@ impl<'a> JoinedRows<'a> {
             count: 0,
             // a faulty row before the first good one counts only if all times are read
             inside: file.run.times.is_none(),
+            outside: None,
             row: LogRow {
                 line: 0,
                 values: vec![0.0; file.layout.channels.len()],
             },
         })
+    }
+
+    /// The first and the last time of the rows so far that are outside the times that are read, s;
+    /// `None` if there are none.
+    pub(super) fn outside(&self) -> Option<(f64, f64)> {
+        self.outside
     }
 
     /// The next row, or why it cannot be used; `None` after the last one.
@@ -164,6 +173,10 @@ impl<'a> JoinedRows<'a> {
                 if let Found::Row = found {
                     let time = self.row.values.first().copied().unwrap_or(f64::NAN);
                     self.inside = (start..=end).contains(&time);
+                    if !self.inside {
+                        let (first, last) = self.outside.unwrap_or((time, time));
+                        self.outside = Some((first.min(time), last.max(time)));
+                    }
                 }
                 if !self.inside {
                     continue;

@@ -155,8 +155,10 @@ fn check<'a>(
     if let [whole] = tables.iter().flat_map(|t| &t.titles).collect::<Vec<_>>()[..]
         && whole.contains(' ')
     {
-        let why = "its columns are separated by blanks: separate them by commas, semicolons or \
-                   tabs, as `tr -s ' ' ,` does";
+        let why = "its columns seem to be separated by blanks, but the names of columns contain \
+                   blanks too, or the rows have not as many entries as names: with `header: none` \
+                   columns are called by their numbers, from 1; or separate them by commas, \
+                   semicolons or tabs";
         return Err(why.to_owned().into());
     }
     Ok(())
@@ -353,6 +355,23 @@ impl Channel {
     }
 }
 
+/// The coordinates that are missing: the actuated ones that are not measured, as robots usually
+/// measure these, and all others too where these are not enough.
+///
+/// - `measured`: those that are measured, as indices.
+fn not_measured<'i>(info: &Info<'i>, measured: &[usize]) -> Vec<&'i str> {
+    let missing = |k: &usize| !measured.contains(k);
+    let actuated = info.actuated.iter().copied().filter(missing);
+    let mut wanted: Vec<usize> = actuated.collect();
+    if measured.len() + wanted.len() < info.dof() {
+        wanted = (0..info.coordinates.len()).filter(missing).collect();
+    }
+    let names = wanted.into_iter();
+    names
+        .filter_map(|k| info.coordinates.get(k).copied())
+        .collect()
+}
+
 impl ColumnLayout {
     /// Finds the columns of a run's files.
     pub(super) fn new(
@@ -381,19 +400,12 @@ impl ColumnLayout {
             });
         }
         if measured.len() < info.dof() {
-            // name the actuated coordinates, as robots usually measure these
-            let wanted: Vec<&str> = info
-                .actuated
-                .iter()
-                .filter(|k| !measured.contains(k))
-                .filter_map(|&k| info.coordinates.get(k).copied())
-                .collect();
             return Err(Unfit {
                 why: format!(
                     "{} of {} positions that are needed; missing: {}; columns: {}. Name them with",
                     measured.len(),
                     info.dof(),
-                    wanted.join(" "),
+                    not_measured(info, &measured).join(" "),
                     listed(tables)
                 ),
                 assignment: Some("COORDINATE=COLUMN".to_owned()),
@@ -443,5 +455,22 @@ impl ColumnLayout {
         let index = self.channels.get(entry).and_then(|c| c.index);
         let title = index.and_then(|i| self.header.get(i));
         title.cloned().unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_without_motors_are_named_where_motors_are_too_few() {
+        let info = Info {
+            coordinates: &["x", "y", "turn", "q1", "q2"],
+            independent: &[0, 1, 2, 3, 4],
+            actuated: &[3, 4],
+            ..Info::EMPTY
+        };
+        assert_eq!(not_measured(&info, &[3, 4]), ["x", "y", "turn"]);
+        assert_eq!(not_measured(&info, &[0, 1, 2, 4]), ["q1"]);
     }
 }

@@ -34,11 +34,14 @@ pub struct FileReport {
     pub derivatives: bool,
     /// Whether velocities were read from the file, and accelerations computed from them.
     pub velocities: bool,
-    /// The names of the measured coordinates that never move.
+    /// The names of the measured coordinates that do not move, or by no more than their noise.
     pub still: Vec<String>,
     /// The names of the coordinates of whose squared accelerations in the last pass at least half is
     /// noise of their positions; none where accelerations are not computed from positions.
     pub noisy: Vec<String>,
+    /// The first and the last time of the log, s, where the times that are asked for leave out none
+    /// of its rows.
+    pub uncut: Option<(f64, f64)>,
     /// The faulty rows.
     pub problems: Problems,
     /// What was done with the faulty rows.
@@ -198,11 +201,12 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             };
             let (encoders, velocity_noise) = (finish(differences), finish(of_velocities));
             let constant = file.layout.measured.iter().zip(&encoders);
-            let constant = constant.filter(|(_, encoder)| encoder.constant);
+            let constant = constant.filter(|(_, encoder)| encoder.still);
             let still = constant.filter_map(|(c, _)| info.coordinates.get(*c));
             reports.push(FileReport {
                 still: still.map(|name| (*name).to_owned()).collect(),
                 noisy: Vec::new(),
+                uncut: survey.uncut,
                 file: name,
                 rows,
                 step: survey.time_step(),

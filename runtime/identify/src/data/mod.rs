@@ -32,6 +32,7 @@ mod settings;
 mod shift;
 mod spikes;
 mod standstill;
+mod start;
 mod stretch;
 mod stuck;
 mod table;

@@ -40,6 +40,9 @@ pub(super) struct Survey {
     pub(super) stuck: BTreeMap<u64, Vec<Stuck>>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
+    /// The first and the last time of the log, s, where all its rows are within the times that are
+    /// asked for.
+    pub(super) uncut: Option<(f64, f64)>,
 }
 
 impl Survey {
@@ -193,7 +196,8 @@ impl LogFile {
             .collect();
         let mut rate_row = Vec::new();
         let mut last_time = None;
-        self.records(&mut |row| {
+        let mut range: Option<(f64, f64)> = None;
+        let outside = self.records(&mut |row| {
             let Ok(row) = row else {
                 last_time = None;
                 return Ok(());
@@ -207,6 +211,8 @@ impl LogFile {
                     *extreme = (extreme.0.min(*value), extreme.1.max(*value));
                 }
                 let time = row.values[0];
+                let (first, last) = range.unwrap_or((time, time));
+                range = Some((first.min(time), last.max(time)));
                 if last_time.is_none_or(|last| time <= last) {
                     histories.iter_mut().for_each(PositionHistory::pause);
                     rates.pause();
@@ -226,6 +232,13 @@ impl LogFile {
             }
             Ok(())
         })?;
+        if let (Some((start, end)), Some((first, last)), None) = (self.run.times, outside, range) {
+            return Err(self.unfit(format!(
+                "no row has a time from {start} s to {end} s: those of the log are from {first} s to \
+                 {last} s; `times` are in s, whatever the unit of the column of time is"
+            )));
+        }
+        let uncut = range.filter(|_| self.run.times.is_some() && outside.is_none());
         let pairs = with_rates.iter().map(|(position, velocity)| {
             let place = position - positions.start;
             let coordinate = self.layout.measured.get(place).and_then(|c| names.get(*c));
@@ -277,6 +290,7 @@ impl LogFile {
             extremes,
             stuck,
             position_changes,
+            uncut,
         })
     }
 
@@ -288,14 +302,20 @@ impl LogFile {
     }
 
     /// Passes each row, or why it cannot be used, to `each`.
-    fn records(&self, each: &mut RecordSink<'_>) -> Result<(), DataError> {
+    ///
+    /// Returns the first and the last time, s, of the rows outside the times that are asked for, where
+    /// the file is read and has such rows.
+    fn records(&self, each: &mut RecordSink<'_>) -> Result<Option<(f64, f64)>, DataError> {
+        let mut outside = None;
         self.cache.visit(each, |each| {
             let mut rows = JoinedRows::open(self)?;
             while let Some(row) = rows.next_row()? {
                 each(row)?;
             }
+            outside = rows.outside();
             Ok(())
-        })
+        })?;
+        Ok(outside)
     }
 
     /// Passes the good rows to `each`, on the even grid if there is one, each with whether it

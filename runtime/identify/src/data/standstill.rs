@@ -40,6 +40,18 @@ const STENCILS: [(f64, f64); 3] = [
     (1.0 / 90.0, 3.131_559_967_662_478),
     (1.0 / 560.0, 3.457_675_614_816_774),
 ];
+/// The steps of its encoder between the readings of a position that does not move, at most: noise at
+/// the border between two steps reaches both.
+const STILL_STEPS: usize = 2;
+/// The least number of readings that show this: a log of three rows has no more steps anyway.
+const MIN_STILL_VALUES: usize = 50;
+/// The range of a position that does not move, in standard deviations of its noise: of a million
+/// values, the largest and the smallest are about ten apart, and of fifty about four. Of a motion that
+/// is sampled too seldom, the differences are larger than the range.
+const STILL_DEVIATIONS: core::ops::RangeInclusive<f64> = 2.0..=12.0;
+/// By which part of itself the deviation of noise differs between differences of the orders 4 and 8 at
+/// most: both are medians of thousands of values, and motion differs by its order.
+const MAX_NOISE_DIFFERENCE: f64 = 0.2;
 /// The number of samples that a difference of order 8 spans.
 const DIFFERENCE_SAMPLES: usize = 9;
 
@@ -52,6 +64,8 @@ pub struct Encoder {
     pub noise: f64,
     /// Whether the position never changes.
     pub constant: bool,
+    /// Whether the position does not change by more than its noise and two steps of the encoder do.
+    pub still: bool,
     /// The root mean square of its change from row to row, rad or m.
     pub travel: f64,
     /// How many neighbours on either side give the best second derivative, 1 to 3: more neighbours
@@ -192,6 +206,7 @@ impl Differences {
         if self.values.is_empty() {
             return Encoder::default();
         }
+        // in order of size from here on
         let step = step(&mut self.values);
         // of a log of few rows, too few values are kept to tell
         let (count, squares) = self.changes;
@@ -204,6 +219,19 @@ impl Differences {
         let error = |(of, (part, gain)): (f64, (f64, f64))| {
             (part * of / NORMAL_ABSOLUTE_MEDIAN).hypot(gain * noise)
         };
+        // of noise without motion, differences of all orders tell the same
+        let of_order = [
+            fourth / FOURTH_DIFFERENCE_GAIN,
+            eighth / EIGHTH_DIFFERENCE_GAIN,
+        ];
+        let [low, high] = of_order.map(|size| size / NORMAL_ABSOLUTE_MEDIAN);
+        let is_noise = (low - high).abs() < MAX_NOISE_DIFFERENCE * high;
+        let ends = self.values.first().zip(self.values.last());
+        let range = ends.map_or(0.0, |(first, last)| last - first);
+        let steps = self.values.windows(2).filter(|pair| pair[0] < pair[1]);
+        let is_counted = self.values.len() >= MIN_STILL_VALUES && steps.count() <= STILL_STEPS;
+        let still =
+            constant || is_counted || is_noise && STILL_DEVIATIONS.contains(&(range / high));
         let mut best = (f64::INFINITY, 0);
         for (k, pair) in errors.enumerate() {
             let error = error(pair);
@@ -214,6 +242,7 @@ impl Differences {
         Encoder {
             step,
             constant,
+            still,
             travel: (self.changes.1 / self.changes.0.max(1.0)).sqrt(),
             noise: counted.max(fourth / (NORMAL_ABSOLUTE_MEDIAN * FOURTH_DIFFERENCE_GAIN)),
             neighbours: best.1,
@@ -366,6 +395,42 @@ mod tests {
         assert_eq!(chosen(1e-8), 2);
         assert_eq!(chosen(1e-4), 1);
         assert_eq!(encoder(&[0.0, 1.0]).neighbours, 0);
+    }
+
+    #[test]
+    fn a_position_of_noise_alone_is_still_and_the_smallest_motion_is_not() {
+        let mut state = 7_u64;
+        let mut noise = || {
+            let mut sum = -6.0;
+            for _ in 0..12 {
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1);
+                sum += (state >> 33) as f64 / 2_f64.powi(31);
+            }
+            sum
+        };
+        let mut of = |motion: &dyn Fn(f64) -> f64, deviation: f64, step: f64| {
+            let value = |k: u32| motion(f64::from(k)) + deviation * noise();
+            let values = (0..6000).map(value);
+            let rounded = values.map(|x| {
+                if step > 0.0 {
+                    (x / step).round() * step
+                } else {
+                    x
+                }
+            });
+            encoder(&rounded.collect::<Vec<_>>()).still
+        };
+        let rest = |_: f64| 0.7;
+        assert!(of(&rest, 0.0, 0.0) && of(&rest, 1e-4, 0.0));
+        assert!(of(&rest, 2e-5, 1e-4) && of(&|_| 0.75e-4, 3e-5, 1e-4));
+        // slow, fast and hardly sampled motions
+        for speed in [1e-3, 0.05, 1.0, 2.0, 3.0] {
+            let swing = |k: f64| 0.1 * (speed * k).sin();
+            assert!(!of(&swing, 0.0, 0.0) && !of(&swing, 1e-4, 0.0), "{speed}");
+            assert!(!of(&swing, 0.0, 1e-4), "{speed}");
+        }
     }
 
     #[test]

@@ -5,9 +5,11 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-use csv::{ByteRecord, Reader, ReaderBuilder};
+use csv::{Reader, ReaderBuilder};
 
+use super::lines::Place;
 use super::number;
+use super::start::{self, Row, Start};
 
 /// Whether the first row of a log names its columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,14 +30,17 @@ pub enum Separator {
     Semicolon,
     /// A tabulator.
     Tab,
+    /// One or more blanks or tabulators; those at the ends of a line separate nothing.
+    Blank,
 }
 
 impl Separator {
-    fn byte(self) -> u8 {
+    pub(super) fn byte(self) -> u8 {
         match self {
             Self::Comma => b',',
             Self::Semicolon => b';',
             Self::Tab => b'\t',
+            Self::Blank => b' ',
         }
     }
 }
@@ -63,9 +68,13 @@ pub struct Format {
 /// How one CSV file is written.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Written {
-    separator: u8,
+    separator: Separator,
     decimal_comma: bool,
     has_header: bool,
+    /// Where the row of names or, without names, the first row begins.
+    start: Place,
+    /// The first byte of lines that are no rows.
+    comment: u8,
     /// The names of the columns; their numbers from 1 where the file does not name them.
     pub(super) titles: Vec<String>,
 }
@@ -90,21 +99,34 @@ impl Written {
         }
         let candidates = match asked.separator {
             Some(separator) => vec![separator],
-            None => vec![Separator::Semicolon, Separator::Tab, Separator::Comma],
+            None => vec![
+                Separator::Semicolon,
+                Separator::Tab,
+                Separator::Blank,
+                Separator::Comma,
+            ],
         };
-        let mut samples = candidates
-            .into_iter()
-            .map(|separator| (separator, records(&bytes, separator.byte())));
-        // numbers may contain commas, so the other separators are tried first
-        let found = samples.find(|(separator, rows)| {
-            *separator == Separator::Comma || asked.separator.is_some() || agree(rows)
+        let mut samples = candidates.into_iter().map(|separator| {
+            let mut rows = start::rows(&bytes, separator);
+            let start = Start::find(&rows, asked.header);
+            rows.drain(..start.row.min(rows.len()));
+            rows.truncate(SAMPLE_ROWS);
+            (separator, start.comment, rows)
         });
-        let (separator, rows) = found.unwrap_or((Separator::Comma, Vec::new()));
+        // numbers may contain commas, so the other separators are tried first
+        let found = samples.find(|(separator, _, rows)| match separator {
+            _ if asked.separator.is_some() => true,
+            Separator::Comma => true,
+            Separator::Blank => agree(rows) && are_numbers(rows),
+            Separator::Semicolon | Separator::Tab => agree(rows),
+        });
+        let (separator, comment, rows) = found.unwrap_or((Separator::Comma, COMMENT, Vec::new()));
         let decimal_comma = match asked.decimal {
             Some(decimal) => decimal == Decimal::Comma,
             None => separator != Separator::Comma && has_decimal_commas(&rows),
         };
-        let first = rows.first().map(Vec::as_slice).unwrap_or_default();
+        let first = rows.first().map(|row| row.cells.as_slice());
+        let first = first.unwrap_or_default();
         let numbers = |texts: &[String]| {
             texts
                 .iter()
@@ -116,10 +138,14 @@ impl Written {
         } else {
             (1..=first.len()).map(|k| k.to_string()).collect()
         };
+        // what is before the first row is read with it, as long as it is no more than comments
+        let beginning = Place { byte: 0, line: 1 };
         Ok(Self {
-            separator: separator.byte(),
+            separator,
             decimal_comma,
             has_header,
+            start: rows.first().map_or(beginning, |row| row.place),
+            comment,
             titles,
         })
     }
@@ -129,22 +155,36 @@ impl Written {
         self.has_header
     }
 
-    /// The byte between columns.
-    pub(super) fn separator(&self) -> u8 {
+    /// What stands between columns.
+    pub(super) fn separator(&self) -> Separator {
         self.separator
     }
 
-    /// A reader of rows of any length, which ignores lines that start with `#`; with `has_header` the
-    /// first row is not passed on.
-    pub(super) fn reader(&self, file: File, has_header: bool) -> Reader<File> {
-        builder(self.separator)
-            .has_headers(has_header)
+    /// Where the row of names or, without names, the first row begins, with the comments before it.
+    pub(super) fn start(&self) -> Place {
+        self.start
+    }
+
+    /// The first byte of lines that are no rows.
+    pub(super) fn comment(&self) -> u8 {
+        self.comment
+    }
+
+    /// A reader of rows of any length, which ignores comments.
+    pub(super) fn reader(&self, file: File) -> Reader<File> {
+        builder(self.separator.byte(), self.comment)
+            .has_headers(false)
             .from_reader(file)
+    }
+
+    /// A reader of the row of names, which may stand in a comment of MATLAB.
+    pub(super) fn header_reader(&self, file: File) -> Reader<File> {
+        builder(self.separator.byte(), COMMENT).from_reader(file)
     }
 
     /// The number at the start of a line and its length, see [`number::leading`].
     pub(super) fn leading_number(&self, line: &[u8]) -> Option<(f64, usize)> {
-        number::leading(line, self.separator, self.decimal_comma)
+        number::leading(line, self.separator.byte(), self.decimal_comma)
     }
 
     /// The number of an entry; `None` if the entry is not a number.
@@ -156,37 +196,32 @@ impl Written {
 /// The first byte of a line that is no row.
 pub(super) const COMMENT: u8 = b'#';
 
-fn builder(separator: u8) -> ReaderBuilder {
+pub(super) fn builder(separator: u8, comment: u8) -> ReaderBuilder {
     let mut builder = ReaderBuilder::new();
     builder
         .flexible(true)
-        .comment(Some(COMMENT))
+        .comment(Some(comment))
         .delimiter(separator);
     builder
 }
 
-/// The first rows of a text, their entries trimmed.
-fn records(bytes: &[u8], separator: u8) -> Vec<Vec<String>> {
-    let mut reader = builder(separator).has_headers(false).from_reader(bytes);
-    let mut record = ByteRecord::new();
-    let mut rows = Vec::new();
-    while rows.len() < SAMPLE_ROWS && matches!(reader.read_byte_record(&mut record), Ok(true)) {
-        let text = |entry: &[u8]| String::from_utf8_lossy(entry).trim().to_owned();
-        rows.push(record.iter().map(text).collect());
-    }
-    rows
-}
-
 /// Whether most rows have as many entries as the first one, and more than one.
-fn agree(rows: &[Vec<String>]) -> bool {
-    let count = rows.first().map_or(0, Vec::len);
-    let same = rows.iter().filter(|row| row.len() == count).count();
+fn agree(rows: &[Row]) -> bool {
+    let count = rows.first().map_or(0, |row| row.cells.len());
+    let same = rows.iter().filter(|row| row.cells.len() == count).count();
     count > 1 && 2 * same > rows.len()
 }
 
+/// Whether most rows behind the first one have numbers only, or the first one where it is the only one.
+fn are_numbers(rows: &[Row]) -> bool {
+    let behind = rows.get(1..).filter(|behind| !behind.is_empty());
+    let rows = behind.unwrap_or(rows);
+    2 * rows.iter().filter(|row| row.is_numbers()).count() > rows.len()
+}
+
 /// Whether entries are numbers with commas before the decimals, and none has a point there.
-fn has_decimal_commas(rows: &[Vec<String>]) -> bool {
-    let all = || rows.iter().flatten();
+fn has_decimal_commas(rows: &[Row]) -> bool {
+    let all = || rows.iter().flat_map(|row| &row.cells);
     let with = |mark: char, comma: bool| {
         all().any(|text| text.contains(mark) && number::of_text(text, comma).is_some())
     };
@@ -205,11 +240,62 @@ mod tests {
         let found = Written::find(&path, asked).unwrap();
         std::fs::remove_file(&path).unwrap();
         (
-            char::from(found.separator),
+            char::from(found.separator.byte()),
             found.decimal_comma,
             found.has_header,
             found.titles,
         )
+    }
+
+    #[test]
+    fn a_table_begins_behind_lines_of_other_lengths() {
+        let cases: [(&str, char, u64, &[&str]); 9] = [
+            // a spreadsheet of a controller
+            (
+                "Robot;KX20\nRate;250 Hz\n\nt;q1;q2\n0,1;2,5;3\n0,2;2,5;3\n0,3;2,5;4\n",
+                ';',
+                4,
+                &["t", "q1", "q2"],
+            ),
+            // lines that are filled up, and a row of units
+            (
+                "Robot,KX20,,,\n,,,,\nt,q1,q2,q3,q4\ns,rad,rad,rad,rad\n0,1,2,3,4\n1,1,2,3,4\n",
+                ',',
+                3,
+                &["t", "q1", "q2", "q3", "q4"],
+            ),
+            // comments of MATLAB, without and with the names of the columns
+            ("% arm, 250 Hz\n0,1,2\n1,2,3\n", ',', 2, &["1", "2", "3"]),
+            ("% arm\n% t, q1\n0,1\n1,2\n", ',', 2, &["t", "q1"]),
+            ("%time,q1\n0,1\n1,2\n", ',', 1, &["%time", "q1"]),
+            // blanks
+            ("  1.5e0 -2.0\n -1.5e0  2.0\n", ' ', 1, &["1", "2"]),
+            (
+                "made by this hand\n t  q1 tau\n 0 1 2\n 1 2 3\n",
+                ' ',
+                2,
+                &["t", "q1", "tau"],
+            ),
+            ("0,5 1,25\n0,6 1,5\n", ' ', 1, &["1", "2"]),
+            // fewer names than numbers are no line before the table
+            ("t,q1\n0,1,2\n1,2,3\n", ',', 1, &["t", "q1"]),
+        ];
+        for (text, separator, line, titles) in cases {
+            let path = std::env::temp_dir().join(format!(
+                "regen-start-{}-{}",
+                std::process::id(),
+                text.len()
+            ));
+            std::fs::write(&path, text).unwrap();
+            let found = Written::find(&path, Format::default()).unwrap();
+            std::fs::remove_file(&path).unwrap();
+            assert_eq!(char::from(found.separator.byte()), separator, "{text}");
+            // empty lines and comments before the first row count to it
+            let place = text.get(found.start.byte as usize..).unwrap();
+            let passed = place.lines().take_while(|line| line.is_empty()).count();
+            assert_eq!(found.start.line + passed as u64, line, "{text}");
+            assert_eq!(found.titles, titles, "{text}");
+        }
     }
 
     #[test]

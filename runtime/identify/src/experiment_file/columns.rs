@@ -46,6 +46,7 @@ pub(super) fn coordinates(root: &Node) -> Vec<String> {
             let place = node.get("column").unwrap_or(node);
             let count = match column(place) {
                 Some(Column::Range(first, last)) => last.saturating_sub(first) + 1,
+                Some(Column::List(all)) => all.len(),
                 _ => 0,
             };
             let star = if name == "*" { "q*" } else { &name };
@@ -173,7 +174,7 @@ fn time(node: &Node, sink: &mut Sink) -> Option<Assignment> {
             number: Some(number),
             ..Assignment::new(Quantity::Time, &number.to_string())
         },
-        Column::Range(..) => {
+        Column::Range(..) | Column::List(_) => {
             let message = "the time is in one column".to_owned();
             sink.push(place.at, "`time`", message, "");
             return None;
@@ -233,14 +234,21 @@ fn one(
             Some(Entry::Value(value)) => Some(*value),
             _ => None,
         };
+        let by_number = |number: usize| Assignment {
+            number: Some(number),
+            ..Assignment::new(kind.of(&name), &number.to_string())
+        };
         let base = match &column {
             Column::Name(pattern) => Assignment {
                 optional: key.text.contains('*'),
                 ..Assignment::new(kind.of(&name), &pattern.replacen('*', &star, 1))
             },
-            Column::Number(first) | Column::Range(first, _) => Assignment {
-                number: Some(first + k),
-                ..Assignment::new(kind.of(&name), &(first + k).to_string())
+            Column::Number(first) | Column::Range(first, _) => by_number(first + k),
+            // as many as there are coordinates
+            Column::List(all) => match all.get(k) {
+                Some(Column::Number(number)) => by_number(*number),
+                Some(Column::Name(own)) => Assignment::new(kind.of(&name), own),
+                _ => continue,
             },
         };
         if let Some(Entry::Unknown(at)) = gains.get(k) {
@@ -314,12 +322,16 @@ fn suffices(
     let count = found.len();
     let (columns, remedy) = match column {
         Column::Range(first, last) => (last - first + 1, String::new()),
+        Column::List(all) => (all.len(), String::new()),
         Column::Name(name) if count == 1 || name.matches('*').count() == 1 => return true,
         Column::Name(_) => {
             let star = "write one `*` where the coordinates' part of the name stands";
-            (1, format!("{star}, or numbers such as 2..7"))
+            (1, format!("{star}, or numbers such as 2..7 or [2, 5, 4]"))
         }
-        Column::Number(_) => (1, "write the numbers of all, such as 2..7".to_owned()),
+        Column::Number(_) => (
+            1,
+            "write the numbers of all, such as 2..7 or [2, 5, 4]".to_owned(),
+        ),
     };
     if columns == count {
         return true;

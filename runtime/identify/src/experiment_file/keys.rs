@@ -57,7 +57,7 @@ pub(super) static FILE: Record = record(
             Shape::Words(&[
                 (
                     "auto",
-                    "the first row names the columns unless it has numbers only",
+                    "the first row names the columns unless it has numbers only; lines of other lengths before the names are passed over",
                 ),
                 ("none", "columns are called by their numbers, from 1"),
             ]),
@@ -70,6 +70,7 @@ pub(super) static FILE: Record = record(
                 (",", "commas"),
                 (";", "semicolons"),
                 ("tab", "tabulators"),
+                ("blank", "one or more blanks"),
             ]),
             "What stands between columns; auto if missing",
         ),
@@ -106,7 +107,7 @@ static COLUMN: Record = record(
         required(
             "column",
             Shape::Column,
-            "Its name, its number (1 is the first; numbers go on through files side by side), or numbers such as 2..7, one for each coordinate in the order of their own numbers, or of the robot where names have none",
+            "Its name, its number (1 is the first; numbers go on through files side by side), or several, as numbers such as 2..7 or a list such as [2, 5, 4], one for each coordinate in the order of their own numbers, or of the robot where names have none",
         ),
         optional("unit", Shape::Words(&UNIT_WORDS), "Its unit; SI if missing"),
         optional(
@@ -386,7 +387,7 @@ static RUN: Record = record(
         optional(
             "times",
             Shape::List(&Shape::Number(Range::Any), Some(2)),
-            "First and last time that is read, s, in the log's own time",
+            "First and last time that is read, in s whatever the unit of the column of time is, counted as in the log: 2.5 where a log in ms has 2500",
         ),
         optional(
             "use",
@@ -433,7 +434,7 @@ static COMMAND: Record = record(
         required(
             "column",
             Shape::Column,
-            "Its name, its number, or numbers such as 2..7, as in `columns`",
+            "Its name, its number, or several such as 2..7 or [2, 5, 4], as in `columns`",
         ),
         optional("unit", Shape::Words(&UNIT_WORDS), "Its unit; SI if missing"),
         optional(

@@ -121,6 +121,7 @@ fn format(root: &Node, sink: &mut Sink) -> Format {
             Some(",") => Some(Separator::Comma),
             Some(";") => Some(Separator::Semicolon),
             Some("tab") => Some(Separator::Tab),
+            Some("blank") => Some(Separator::Blank),
             _ => None,
         },
         decimal: match word("decimal") {

@@ -154,7 +154,9 @@ impl Shape {
             Self::Count => "a whole number of at least 1".to_owned(),
             Self::Expression { .. } => "a number or an expression such as 1/45".to_owned(),
             Self::Text => "a text".to_owned(),
-            Self::Column => "a column's name, its number, or numbers such as 2..7".to_owned(),
+            Self::Column => {
+                "a column's name, its number, or numbers such as 2..7 or [2, 5, 4]".to_owned()
+            }
             Self::Words(words) => one_of(words.iter().map(|word| word.0)),
             Self::Record(record) => {
                 let keys = record.keys.iter().map(|key| key.name);
@@ -185,7 +187,9 @@ impl Shape {
                         text.starts_with(|c: char| !c.is_alphabetic()) || text.starts_with("pi")
                     })
             }
-            Self::Column => node.number().is_some() || node.text().is_some(),
+            Self::Column => {
+                node.number().is_some() || node.text().is_some() || !node.items().is_empty()
+            }
             Self::Text | Self::Words(_) => node.text().is_some(),
             Self::Record(_) | Self::Map(..) | Self::Open(..) => {
                 matches!(node.kind, NodeKind::Map(_))
@@ -305,7 +309,13 @@ impl Shape {
             Self::Expression { .. } => json!({"type": ["number", "string"]}),
             Self::Text => json!({"type": "string", "minLength": 1}),
             Self::Column => {
-                json!({"anyOf": [{"type": "integer", "minimum": 1}, {"type": "string", "minLength": 1}]})
+                let one = [
+                    json!({"type": "integer", "minimum": 1}),
+                    json!({"type": "string", "minLength": 1}),
+                ];
+                let several = json!({"type": "array", "items": {"anyOf": one}, "minItems": 1});
+                let [number, name] = one;
+                json!({"anyOf": [number, name, several]})
             }
             Self::Words(words) => {
                 let names: Vec<&str> = words.iter().map(|word| word.0).collect();
@@ -427,6 +437,8 @@ pub(super) enum Column {
     Number(usize),
     /// The first and the last number of several columns.
     Range(usize, usize),
+    /// Several columns by their names or numbers.
+    List(Vec<Column>),
 }
 
 /// The column that a node names; `None` if it does not name one.
@@ -434,6 +446,13 @@ pub(super) fn column(node: &Node) -> Option<Column> {
     if let Some(number) = node.whole() {
         let number = usize::try_from(number).ok().filter(|number| *number > 0);
         return number.map(Column::Number);
+    }
+    if !node.items().is_empty() {
+        let each = node.items().iter().map(|item| {
+            let one = column(item)?;
+            matches!(one, Column::Name(_) | Column::Number(_)).then_some(one)
+        });
+        return each.collect::<Option<_>>().map(Column::List);
     }
     let text = node.text().filter(|text| !text.is_empty())?;
     let number = |text: &str| text.trim().parse::<usize>().ok();

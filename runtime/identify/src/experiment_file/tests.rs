@@ -94,6 +94,11 @@ fn columns_in_order_go_by_the_numbers_of_coordinates() {
     };
     let by_number = ["q1=4", "q2=5", "q3=6", "q10=7"];
     assert_eq!(numbers("columns: {q*: 4..7}"), by_number);
+    // a list has them in the same order
+    let listed = ["q1=7", "q2=4", "q3=out 3", "q10=9"];
+    assert_eq!(numbers("columns: {q*: [7, 4, out 3, 9]}"), listed);
+    let listed = numbers("columns: {q*: {column: [7, 4, out 3, 9], unit: deg}}");
+    assert_eq!(listed.len(), 4);
     // without numbers, in the robot's order
     let all = ["q1=1", "q10=2", "p4=3", "q3=4", "arm=5", "q2=6"];
     assert_eq!(numbers("columns: {'*': 1..6}"), all);
@@ -323,6 +328,9 @@ fn columns_that_contradict_each_other_are_refused() {
         ("columns: {q*: 3}", "1 column for 2 coordinates: q1 q2"),
         ("columns: {q*: 3..5}", "3 columns for 2 coordinates: q1 q2"),
         ("columns: {q**: 'a*'}", "a pattern has one `*`"),
+        ("columns: {q1: [2, 3]}", "2 columns for 1 coordinates"),
+        ("columns: {q*: [2, 3..4, 5, 6]}", "a column's name, its number"),
+        ("time: [1, 2]", "the time is in one column"),
         (
             "columns: {q1: {column: a, factor: [1, 2]}}",
             "2 values for 1 coordinates",

@@ -68,6 +68,34 @@ fn states(run: Run, settings: &Settings) -> Vec<[f64; 4]> {
 }
 
 #[test]
+fn times_in_another_unit_than_seconds_are_told() {
+    let text = times(300).fold("t,q1,tau_q1\n".to_owned(), |text, t| {
+        let [q, _, tau] = at(t);
+        text + &format!("{},{q},{tau}\n", 1e3 * t)
+    });
+    let path = write("times", "ms.csv", &text);
+    let settings = assigned(&["t=t:ms"]);
+    let opened = |start: f64, end: f64| {
+        let run = Run {
+            times: Some((start, end)),
+            ..Run::from(path.clone())
+        };
+        Logs::open(&Pendulum, &[run], &settings).map(|logs| logs.reports()[0].uncut)
+    };
+    assert_eq!(opened(0.5, 2.0), Ok(None));
+    assert_eq!(opened(0.0, 2.0), Ok(None));
+    // in ms, which has the whole log
+    assert_eq!(opened(0.0, 2000.0), Ok(Some((0.0, 2.99))));
+    let error = opened(500.0, 2000.0).unwrap_err().to_string();
+    assert!(
+        error.contains(
+            "no row has a time from 500 s to 2000 s: those of the log are from 0 s to 2.99 s"
+        ),
+        "{error}"
+    );
+}
+
+#[test]
 fn a_log_in_another_format_gives_the_same_parameters() {
     let file = |name: &str, row: &dyn Fn(f64) -> String| {
         let text = times(300).fold(String::new(), |text, t| text + &row(t) + "\n");
