@@ -67,6 +67,19 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[Run],
 ) -> Result<Vec<(String, f64)>, SessionError> {
+    settled_delays_within(session, logs, MAX_ROUNDS)
+}
+
+/// As [`settled_delays`], with at most so many rounds: where the model lacks what looks like a delay,
+/// more of them cost time and settle nothing.
+///
+/// # Errors
+/// As [`settled_delays`].
+pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &[Run],
+    rounds: usize,
+) -> Result<Vec<(String, f64)>, SessionError> {
     if session.kind != EquationKind::Forces {
         return Err(SessionError::DelaysFromEnergyBalance);
     }
@@ -84,7 +97,7 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     };
     let given = session.reading.delays.clone();
     let mut searches: Vec<Search> = Vec::new();
-    for _ in 0..MAX_ROUNDS {
+    for _ in 0..rounds {
         let mut opened = session.open(logs)?;
         let found = identify::identify(session.model, session.kind, &options, &mut opened)?;
         let mut moves = false;
