@@ -307,7 +307,8 @@ pub fn inspect(
         let times = (reading.times, reading.usual);
         let grid = on_grid(&log, times, 1.0 / found.rate)?;
         for (survey, noise) in surveyed.columns.iter_mut().skip(1).zip(&grid.noise) {
-            survey.encoder.noise = *noise;
+            // steps have the noise of rounding, also where rests hide it
+            survey.encoder.noise = noise.max(survey.encoder.step / libm::sqrt(12.0));
         }
         gathered = gather(&log, &surveyed, times, Some(&grid))?;
     }

@@ -185,9 +185,10 @@ fn efforts(out: &mut String, facts: &[LogFacts], found: &LogFacts, robot: bool) 
         // a torque gives the scale, and an effort that never changes gives none
         let is_torque = |entry: &Entry<'_>| matches!(entry.unit, Some("Nm" | "N"));
         let changes = |entry: &&Entry<'_>| entry.column.low.value < entry.column.high.value;
-        let known = match entries.iter().any(is_torque) {
-            true => None,
-            false => entries.iter().find(changes).or(entries.first()),
+        let known = if entries.iter().any(is_torque) {
+            None
+        } else {
+            entries.iter().find(changes).or(entries.first())
         };
         let known = known.map(|entry| entry.name.clone());
         comment(
@@ -389,8 +390,13 @@ fn process(out: &mut String, found: &LogFacts) {
             figure_of(5, period.frequency)
         );
     }
+    let unclear = |log: &LogFacts| log.efforts.iter().all(|effort| effort.delay.is_none());
     if late {
         out.push_str("  delay: auto\n");
+    } else if !found.efforts.is_empty() && unclear(found) {
+        out.push_str(
+            "  # whether efforts are late is unclear: `delay: auto` finds it in the fit\n",
+        );
     }
 }
 
