@@ -323,7 +323,7 @@ fn predicted(
     found.notes.extend(chosen.note.clone());
     if has_placeholders {
         found.without_nominal(
-            "gains of drives are not known, so sigmas are in units of current and are not compared \
+            "gains of drives are not known, so sigmas are in units of current (or %) and are not compared \
              with nominal values in SI"
                 .to_owned(),
         );

@@ -201,13 +201,17 @@ fn efforts(out: &mut String, facts: &[LogFacts], found: &LogFacts, robot: bool) 
             },
         );
         if let Some(name) = &known {
+            let (unit, give) = if parts {
+                ("percentage", "the torque of one percent, with the gear,")
+            } else {
+                ("current", "its torque constant times its gear ratio")
+            };
             comment(
                 out,
                 &format!(
                     "the gain of tau_{name} is set to 1: parameters are then in units of that \
-                     drive's {}; give its torque constant times its gear ratio if known. Gains \
-                     differ between drives, so the others are identified",
-                    if parts { "percentage" } else { "current" }
+                     drive's {unit}; give {give} if known. Gains differ between drives, so the \
+                     others are identified"
                 ),
             );
         }
