@@ -4,7 +4,7 @@ use std::path::Path;
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_identify::data::{Checks, Policy, Run, Settings};
+use regen_identify::data::{Assignment, Checks, Policy, Run, Settings};
 use regen_identify::experiment_file::ExperimentFile;
 use regen_identify::signals::Method;
 use regen_inspect::{
@@ -66,7 +66,11 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         _ => (None, Vec::new(), None),
     };
     let relative = relative_to(&args.logs, args.out.as_deref());
-    let proposed = proposal(&relative, &logs, robot.is_some());
+    let mut proposed = proposal(&relative, &logs, robot.is_some());
+    let experiment = args.reading.experiment.as_ref();
+    if let (true, Some(text)) = (experiment.is_some_and(|e| e.carries()), &mut proposed) {
+        text.push_str("# what runs carry is not copied: state `payload` of each as before\n");
+    }
     let doubt_texts: Vec<String> = doubts.iter().map(ToString::to_string).collect();
     let found = Inspection {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
@@ -260,7 +264,7 @@ fn reading(
     let proposed = file.settings.columns.into_iter();
     let proposed: Vec<_> = proposed.filter(|a| !given.contains(&a.quantity)).collect();
     // a gain of 1 is proposed for one current
-    has_placeholders |= proposed.iter().any(|column| column.is_current());
+    has_placeholders |= proposed.iter().any(Assignment::is_current);
     settings.columns.extend(proposed);
     settings.rate = settings.rate.or(file.settings.rate);
     settings.resample = settings.resample.or(file.settings.resample);
