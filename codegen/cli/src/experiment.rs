@@ -70,14 +70,14 @@ pub(crate) fn resolve(
     resolved(logs, reading, Some(spec), true)
 }
 
-/// As [`resolve`], with or without a robot; without one, the coordinates are those that the file
-/// names.
+/// As [`resolve_loaded`], with or without a robot; without one, the coordinates are those that the
+/// file names, and what runs carry is not known.
 pub(crate) fn resolve_for(
     logs: &mut Vec<Run>,
     reading: &mut ReadingArgs,
     spec: Option<&Source>,
 ) -> Result<Vec<Run>, Failure> {
-    resolved(logs, reading, spec, true)
+    resolved(logs, reading, spec, false)
 }
 
 /// As [`resolve`], for commands that can use unknown gains and payloads.
@@ -231,7 +231,14 @@ fn read(
     };
     let file = ExperimentFile::read(&source.text, &info);
     let found = file.and_then(|file| {
-        let loads = file.loads(&bodies)?;
+        // only the robot's description says which bodies may be carried
+        let loads = match spec {
+            Some(_) => file.loads(&bodies)?,
+            None => Loads {
+                carried: vec![None; file.runs.len()],
+                payloads: Vec::new(),
+            },
+        };
         if is_plain {
             file.require_plain()?;
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_identify::data::{Checks, Policy, Run, Settings};
+use regen_identify::data::{Assignment, Checks, Policy, Run, Settings};
 use regen_identify::experiment_file::ExperimentFile;
 use regen_identify::signals::Method;
 use regen_inspect::{
@@ -15,9 +15,9 @@ use regen_report::results::{Inspection, Suspected, inspection_text};
 use regen_runtime::Info;
 use serde::Serialize;
 
-use crate::args::{Format, InspectArgs, ReadingArgs};
+use crate::args::{Format, InspectArgs, PayloadArg, ReadingArgs};
 use crate::exit::Failure;
-use crate::{experiment, load, mistakes, observe, suspect, table, terminal, write};
+use crate::{experiment, load, loads, mistakes, observe, suspect, table, terminal, write};
 
 /// The JSON of `regen inspect`.
 #[derive(Serialize)]
@@ -41,8 +41,9 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let source = args.spec.as_deref().map(load::source).transpose()?;
     let validation = experiment::resolve_for(&mut args.logs, &mut args.reading, source.as_ref())?;
     args.logs.extend(validation);
+    let chosen = Chosen::new(&args);
     let robot = match &source {
-        Some(source) => Some(load::loaded_derived(source, args.reading.payload)?),
+        Some(source) => Some(load::loaded_derived(source, chosen.payload)?),
         None => None,
     };
     let settings = observe::settings(&args.reading);
@@ -58,14 +59,18 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         .map(|run| inspect(run, &settings, info.as_ref()))
         .collect::<Result<Vec<LogFacts>, _>>()?;
     let (prediction, doubts, unpredicted) = match (&model, &robot) {
-        (Some(model), Some(robot)) => match predicted(model, robot, &args, &mut logs)? {
+        (Some(model), Some(robot)) => match predicted(model, robot, &args, &chosen, &mut logs)? {
             Ok((found, doubts)) => (Some(found), doubts, None),
             Err(why) => (None, Vec::new(), Some(why)),
         },
         _ => (None, Vec::new(), None),
     };
     let relative = relative_to(&args.logs, args.out.as_deref());
-    let proposed = proposal(&relative, &logs, robot.is_some());
+    let mut proposed = proposal(&relative, &logs, robot.is_some());
+    let experiment = args.reading.experiment.as_ref();
+    if let (true, Some(text)) = (experiment.is_some_and(|e| e.carries()), &mut proposed) {
+        text.push_str("# what runs carry is not copied: state `payload` of each as before\n");
+    }
     let doubt_texts: Vec<String> = doubts.iter().map(ToString::to_string).collect();
     let found = Inspection {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
@@ -79,14 +84,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         write::atomically(out, &page)?;
         terminal::note(&format!("{}: written", out.display()));
     }
-    if let Some(out) = &args.out {
-        let text = proposed.as_deref().ok_or_else(|| {
-            Failure::Input(
-                "no positions were found in the logs, so there is nothing to propose: name them \
-                 with --column, and give --spec"
-                    .to_owned(),
-            )
-        })?;
+    if let (Some(out), Some(text)) = (&args.out, &proposed) {
         write::create(out, text, "give another name to --out, or remove it")?;
         terminal::note(&format!("{}: written", out.display()));
     }
@@ -101,7 +99,91 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
             proposal: proposed.as_deref(),
         }),
         Format::Human => inspection_text(&found),
-    })
+    })?;
+    // what was found is printed first, since it shows why
+    if args.out.is_some() && proposed.is_none() {
+        return Err(Failure::Input(nothing_to_propose(found.robot)));
+    }
+    Ok(())
+}
+
+/// Why no experiment file is proposed.
+fn nothing_to_propose(robot: Option<&str>) -> String {
+    match robot {
+        None => "no positions were found in the logs, so there is nothing to propose: name them \
+                 with --column, and give --spec"
+            .to_owned(),
+        Some(robot) => format!(
+            "no positions of {robot} were found in the logs, so there is nothing to propose: name \
+             the column of each with --column COORDINATE=COLUMN"
+        ),
+    }
+}
+
+/// The runs from which a prediction is made, which are those without a payload if there are any.
+struct Chosen {
+    /// Their indices.
+    runs: Vec<usize>,
+    /// Whether the robot carries its payloads in them.
+    payload: Option<PayloadArg>,
+    /// What is left out, in words.
+    note: Option<String>,
+    /// Why none can be chosen, in words.
+    why: Option<String>,
+}
+
+impl Chosen {
+    fn new(args: &InspectArgs) -> Self {
+        let carried = args
+            .logs
+            .iter()
+            .map(|run| loads::of_run(&args.reading, run));
+        let carried: Vec<Option<usize>> = carried.collect();
+        let of = |is_carried: bool| -> Vec<usize> {
+            let all = carried.iter().enumerate();
+            let some = all.filter(|(_, own)| own.is_some() == is_carried);
+            some.map(|(k, _)| k).collect()
+        };
+        let (bare, loaded) = (of(false), of(true));
+        let experiment = args.reading.experiment.as_ref();
+        if !experiment.is_some_and(|e| e.carries()) {
+            return Self {
+                runs: bare,
+                payload: args.reading.payload,
+                note: None,
+                why: None,
+            };
+        }
+        if !bare.is_empty() {
+            let count = loaded.len();
+            return Self {
+                note: (count > 0).then(|| {
+                    format!(
+                        "predicted for the robot without a payload, from the runs without one: \
+                         {count} of {} carry one and are left out",
+                        carried.len()
+                    )
+                }),
+                runs: bare,
+                payload: Some(PayloadArg::None),
+                why: None,
+            };
+        }
+        let bodies = experiment.map_or(0, |e| e.payloads.len());
+        Self {
+            runs: loaded,
+            payload: Some(PayloadArg::Carried),
+            note: Some(
+                "predicted for the robot with its payload, which all runs carry: the parameters \
+                 are those of both together"
+                    .to_owned(),
+            ),
+            why: (bodies > 1).then(|| {
+                "all runs carry one of several payloads: a prediction needs a run without one"
+                    .to_owned()
+            }),
+        }
+    }
 }
 
 /// Moves a robot's description that precedes the logs, as in other commands, to `--spec`.
@@ -140,20 +222,35 @@ fn relative_to(runs: &[Run], out: Option<&Path>) -> Vec<Run> {
 }
 
 /// The settings for reading the logs for the prediction: those of the options and the experiment
-/// file and, for what they leave open, those of the proposed experiment file.
+/// file and, for what they leave open, those of the proposed experiment file; and whether an effort
+/// is a current whose gain nobody stated, which is then read with a gain of 1.
 fn reading(
     reading: &ReadingArgs,
     logs: &[LogFacts],
     robot: &Robot,
     info: &Info<'_>,
     runs: &[Run],
-) -> Result<Settings, Failure> {
+) -> Result<(Settings, bool), Failure> {
     let mut settings = observe::settings(reading);
+    let is_open = |settings: &Settings| {
+        let mut all = settings.columns.iter();
+        all.any(|column| column.is_current() && column.gain.is_none())
+    };
+    let mut has_placeholders = is_open(&settings);
     if reading.experiment.is_some() {
-        return Ok(settings);
+        return Ok((settings.with_gains(&[]), has_placeholders));
     }
-    let Some(text) = proposal(runs, logs, true) else {
-        return Ok(settings);
+    // signs are those of the log, so that the doubts tell which are wrong
+    let as_logged = |log: &LogFacts| {
+        let mut log = log.clone();
+        for effort in &mut log.efforts {
+            effort.reversed = false;
+        }
+        log
+    };
+    let logs: Vec<LogFacts> = logs.iter().map(as_logged).collect();
+    let Some(text) = proposal(runs, &logs, true) else {
+        return Ok((settings.with_gains(&[]), has_placeholders));
     };
     let file = ExperimentFile::read(&text, info).map_err(|wrong| {
         let source = Source {
@@ -165,15 +262,16 @@ fn reading(
     let given = settings.columns.iter().map(|a| a.quantity.clone());
     let given: Vec<_> = given.collect();
     let proposed = file.settings.columns.into_iter();
-    settings
-        .columns
-        .extend(proposed.filter(|a| !given.contains(&a.quantity)));
+    let proposed: Vec<_> = proposed.filter(|a| !given.contains(&a.quantity)).collect();
+    // a gain of 1 is proposed for one current
+    has_placeholders |= proposed.iter().any(Assignment::is_current);
+    settings.columns.extend(proposed);
     settings.rate = settings.rate.or(file.settings.rate);
     settings.resample = settings.resample.or(file.settings.resample);
     if settings.method == Method::Central {
         settings.method = file.settings.method;
     }
-    Ok(settings)
+    Ok((settings.with_gains(&[]), has_placeholders))
 }
 
 /// The prediction of what the logs can identify, and the contradictions between logs and robot; adds
@@ -183,6 +281,7 @@ fn predicted(
     model: &Interpreted<'_>,
     robot: &Robot,
     args: &InspectArgs,
+    chosen: &Chosen,
     logs: &mut [LogFacts],
 ) -> Result<Result<(Prediction, Vec<Suspected>), String>, Failure> {
     if model.base_info().base.is_empty() {
@@ -196,8 +295,15 @@ fn predicted(
             "the time of the rows is unknown: state their rate with --rate HZ".to_owned(),
         ));
     }
+    if let Some(why) = &chosen.why {
+        return Ok(Err(why.clone()));
+    }
+    let runs = chosen.runs.iter().filter_map(|k| args.logs.get(*k));
+    let runs: Vec<Run> = runs.cloned().collect();
     let mut session = observe::session(model, &args.reading);
-    session.reading = reading(&args.reading, logs, robot, &model.info(), &args.logs)?;
+    let (settings, has_placeholders) =
+        reading(&args.reading, logs, robot, &model.info(), &args.logs)?;
+    session.reading = settings;
     // faulty rows are reported, and do not prevent the inspection
     if args.reading.problems.is_none() && args.reading.experiment.is_none() {
         session.reading.policy = Policy::Drop;
@@ -207,18 +313,37 @@ fn predicted(
             stuck: Some(Policy::Keep),
         };
     }
-    let mut opened = match session.open(&args.logs) {
+    let mut opened = match session.open(&runs) {
         Ok(opened) => opened,
         Err(error) => return Ok(Err(Failure::from(error).to_string())),
     };
     let reports = opened.logs().reports();
     let rows = reports.iter().map(|report| report.rows).sum();
     let step = reports.first().map_or(1.0, |report| report.step);
-    let found = match predict(model, session.kind, &mut opened, rows, step) {
+    let mut found = match predict(model, session.kind, &mut opened, rows, step) {
         Ok(found) => found,
         Err(error) => return Ok(Err(error.to_string())),
     };
-    delays_by_model(&session, &args.logs, logs);
+    found.notes.extend(chosen.note.clone());
+    if has_placeholders {
+        found.without_nominal(
+            "gains of drives are not known, so sigmas are in units of current (or %) and are not compared \
+             with nominal values in SI"
+                .to_owned(),
+        );
+    }
+    // the equations of one joint share parameters with those of others, and so do not fit currents of
+    // unknown gains: delays found without a model are then better
+    if !has_placeholders {
+        let own = chosen.runs.iter().filter_map(|k| logs.get(*k).cloned());
+        let mut own: Vec<LogFacts> = own.collect();
+        delays_by_model(&session, &runs, &mut own);
+        for (k, own) in chosen.runs.iter().zip(own) {
+            if let Some(log) = logs.get_mut(*k) {
+                *log = own;
+            }
+        }
+    }
     let doubts = suspect::doubts(model, opened.logs(), &session.reading.columns, None);
     Ok(Ok((found, doubts)))
 }

@@ -264,3 +264,116 @@ fn a_log_is_inspected_alike_as_csv_and_as_parquet() {
     };
     assert_eq!(found("run.parquet"), found("run.csv"));
 }
+
+#[test]
+fn a_first_experiment_file_for_currents_has_unknown_gains_that_identify_finds() {
+    let dir = scratch("inspect_currents");
+    let text = fs::read_to_string(guide("run1.csv")).unwrap();
+    // drives of 8 and 12 N m/A
+    let current = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let [t, q1, q3, tau1, tau3] = cells[..] else {
+            panic!("{line}")
+        };
+        match (tau1.parse::<f64>(), tau3.parse::<f64>()) {
+            (Ok(a), Ok(b)) => format!("{t},{q1},{q3},{},{}", a / 8.0, b / 12.0),
+            _ => "t,q1,q3,current_q1 [A],current_q3 [A]".to_owned(),
+        }
+    };
+    let rows: Vec<String> = text.lines().map(current).collect();
+    fs::write(dir.join("log.csv"), rows.join("\n") + "\n").unwrap();
+    let spec = guide("fivebar.yaml");
+    let json = ["--format", "json"];
+    let run = |args: &[&str]| regen(&dir, &[args, &json].concat()).ended(0).json();
+    let found = run(&["inspect", "log.csv", "--spec", &spec, "--out", "runs.yaml"]);
+    let written = fs::read_to_string(dir.join("runs.yaml")).unwrap();
+    assert!(written.contains("unit: A, gain: 1}"), "{written}");
+    assert!(written.contains("unit: A, gain: unknown}"), "{written}");
+    // sigmas in units of current are not compared with nominal values, by inspect of the log and of
+    // the file
+    for found in [found, run(&["inspect", "runs.yaml", "--spec", &spec])] {
+        let prediction = &found["prediction"];
+        for parameter in prediction["parameters"].as_array().unwrap() {
+            assert_eq!(parameter["percent"], Value::Null, "{parameter}");
+            assert_eq!(parameter["status"], "determined", "{parameter}");
+        }
+        let notes = prediction["notes"].to_string();
+        assert!(notes.contains("units of current"), "{notes}");
+    }
+    let fit = run(&["identify", &spec, "runs.yaml"]);
+    let gains = fit["gains"].as_array().unwrap();
+    let value = gains[0]["value"].as_f64().unwrap();
+    // in proportion to the first, from a log with noise of a percent
+    assert!((value / (12.0 / 8.0) - 1.0).abs() < 0.05, "{value}");
+}
+
+#[test]
+fn a_log_without_positions_is_described_before_the_proposal_fails() {
+    let dir = scratch("inspect_nothing");
+    let rows = (0..200).map(|k| format!("{},{}\n", f64::from(k) * 0.01, 30 + k / 50));
+    let text = "t,J1 MotorTemp [degC]\n".to_owned() + &rows.collect::<String>();
+    fs::write(dir.join("log.csv"), text).unwrap();
+    let spec = guide("fivebar.yaml");
+    let with_spec = ["inspect", "log.csv", "--spec", &spec, "--out", "runs.yaml"];
+    let ended = regen(&dir, &with_spec).ended(3);
+    assert!(ended.out.contains("MotorTemp"), "{}", ended.out);
+    assert!(!ended.err.contains("--spec"), "{}", ended.err);
+    assert!(ended.err.contains("--column"), "{}", ended.err);
+    let ended = regen(&dir, &["inspect", "log.csv", "--out", "runs.yaml"]).ended(3);
+    assert!(ended.err.contains("give --spec"), "{}", ended.err);
+    assert!(!dir.join("runs.yaml").exists());
+}
+
+#[test]
+fn runs_with_a_payload_are_described_and_predicted_from_those_without_one() {
+    let dir = scratch("inspect_payload");
+    let spec = root().join("tests/fixtures/mechanisms/payload.yaml");
+    let spec = spec.display().to_string();
+    let run = |line: &str| {
+        let words: Vec<&str> = line.split(' ').collect();
+        let (command, rest) = words.split_first().unwrap();
+        regen(&dir, &[&[*command, &spec], rest].concat()).ended(0)
+    };
+    run("excite --payload carried --out m.json --seed 1 --harmonics 3 --starts 1 --frequency 0.4");
+    for payload in ["none", "carried"] {
+        run(&format!(
+            "simulate --payload {payload} --trajectory m.json --noise 1e-6,0.01 --seed 3 --out {payload}.csv"
+        ));
+    }
+    let with = |payload: &str| format!("  - {{files: [carried.csv], payload: {payload}}}\n");
+    let bare = "  - {files: [none.csv]}\n";
+    let of =
+        |q: &str| format!("  {q}: {q}\n  tau_{q}: {{column: tau_{q}, unit: A, gain: unknown}}\n");
+    let columns = format!("columns:\n{}runs:\n", ["q1", "q2", "q3"].map(of).concat());
+    for (name, runs, note) in [
+        (
+            "both.yaml",
+            format!("{bare}{}", with("{m: 2.2}")),
+            "1 of 2 carry one",
+        ),
+        ("loaded.yaml", with("unknown"), "which all runs carry"),
+    ] {
+        fs::write(dir.join(name), format!("{columns}{runs}")).unwrap();
+        let found = run(&format!("inspect {name} --format json")).json();
+        assert_eq!(
+            found["logs"].as_array().unwrap().len(),
+            runs.lines().count()
+        );
+        let prediction = &found["prediction"];
+        let notes = prediction["notes"].to_string();
+        assert!(notes.contains(note), "{notes}");
+        let proposed = found["proposal"].as_str().unwrap();
+        assert!(proposed.contains("state `payload` of each"), "{proposed}");
+        let parameters = prediction["parameters"].as_array().unwrap();
+        assert!(
+            parameters.iter().any(|p| p["sigma"].is_number()),
+            "{prediction}"
+        );
+        // without the robot, nothing says what may be carried
+        let args = ["inspect", name, "--format", "json"];
+        assert_eq!(
+            regen(&dir, &args).ended(0).json()["prediction"],
+            Value::Null
+        );
+    }
+}

@@ -272,6 +272,9 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
          the efforts have at high frequencies. Errors of the model come on top.</p>\n",
         found.equations
     );
+    for note in &found.notes {
+        let _ = writeln!(out, "<p>{}</p>", escaped(note));
+    }
     let noise = found.noise.iter().zip(&found.motion);
     let rows: Vec<Vec<String>> = noise
         .map(|(noise, m)| {

@@ -8,6 +8,7 @@
 use regen_identify::signals::Butterworth;
 use serde::Serialize;
 
+use crate::clock::median;
 use crate::gather::Stretch;
 use crate::solve::{Normal, Solved};
 
@@ -38,8 +39,16 @@ const DELAY_PASSES: usize = 4;
 /// The number of blocks of time in which the delay is estimated, for its standard deviation.
 const BLOCKS: usize = 10;
 /// An effort that precedes its motion by this many standard deviations shows an effect that the
-/// regression lacks and that looks like a delay, so that no delay is stated.
-const MIN_LEAD_DEVIATIONS: f64 = 3.0;
+/// regression lacks and that looks like a delay, so that no delay is stated. One of seven efforts
+/// without any delay does so by chance in one log of six, of which nothing is then stated: that is
+/// better than wrong delays of the others.
+const MIN_LEAD_DEVIATIONS: f64 = 2.0;
+/// The least standard deviation with which an effort is judged to precede its motion, in steps:
+/// differences between samples, as which rates are computed, are no better.
+const LEAST_DEVIATION_STEPS: f64 = 0.05;
+/// The part of the cutoff with which delays are found a second time: what seems to be a delay and is
+/// not changes with the cutoff.
+const SLOW_PART: f64 = 0.5;
 /// The length of each end of a stretch that is left out, in periods of the cutoff.
 const MARGIN_PERIODS: f64 = 1.0;
 /// The least number of rows for each column of the regression.
@@ -153,67 +162,115 @@ pub(crate) struct Signal {
     pub(crate) factor: f64,
 }
 
+/// Positions and efforts that passed the filters, the rows of the regression, and its equations.
+struct Regression {
+    filtered: Vec<Filtered>,
+    rows: Vec<Vec<Vec<f64>>>,
+    width: usize,
+    /// The number of values at each end of a stretch that are left out.
+    margin: usize,
+    normal: Normal,
+}
+
+impl Regression {
+    /// Filters the signals and sets up the equations; `None` if there are too few rows.
+    fn new(motion: &RegressionInput<'_>) -> Option<Self> {
+        let filter = |cutoff: f64| Butterworth::new(FILTER_ORDER, cutoff, motion.step).ok();
+        let (narrow, wide) = (
+            filter(motion.cutoff),
+            filter(POSITION_CUTOFF_RATIO * motion.cutoff),
+        );
+        let pass = |filter: &Option<Butterworth>, values: Vec<f64>| match filter {
+            Some(filter) => filter.zero_phase(&values).ok(),
+            None => Some(values),
+        };
+        let mut filtered: Vec<Filtered> = Vec::new();
+        for stretch in motion.stretches {
+            let column = |signal: Signal, filter: &Option<Butterworth>| {
+                let values = stretch.columns.get(signal.column)?;
+                let mut values = even(&stretch.times, values, motion.step);
+                for value in &mut values {
+                    *value *= signal.factor;
+                }
+                pass(filter, values)
+            };
+            let positions: Option<Vec<_>> =
+                motion.joints.iter().map(|j| column(j.0, &wide)).collect();
+            let efforts: Option<Vec<_>> = motion
+                .efforts
+                .iter()
+                .map(|e| column(e.0, &narrow))
+                .collect();
+            if let Some((positions, efforts)) = positions.zip(efforts) {
+                filtered.push(Filtered { positions, efforts });
+            }
+        }
+        let mut rows: Vec<Vec<Vec<f64>>> = basis(&filtered, motion);
+        // efforts and regressor pass the same filter, which keeps the equations valid although
+        // friction is not smooth
+        for rows in &mut rows {
+            for k in 1..rows.first().map_or(0, Vec::len) {
+                let values: Vec<f64> = rows.iter().map(|row| row[k]).collect();
+                let Some(values) = pass(&narrow, values) else {
+                    continue;
+                };
+                for (row, value) in rows.iter_mut().zip(values) {
+                    row[k] = value;
+                }
+            }
+        }
+        let total: usize = rows.iter().map(Vec::len).sum();
+        let width = rows.iter().flatten().next().map_or(0, Vec::len);
+        if width == 0 || total < ROWS_PER_COLUMN * width {
+            return None;
+        }
+        #[allow(clippy::cast_sign_loss, reason = "positive")]
+        let margin = (MARGIN_PERIODS / motion.cutoff / motion.step).ceil() as usize;
+        let normal = Normal::new(width, inner(&rows, margin).flatten())?;
+        Some(Self {
+            filtered,
+            rows,
+            width,
+            margin,
+            normal,
+        })
+    }
+
+    /// One effort in each stretch.
+    fn effort(&self, e: usize) -> Vec<Vec<f64>> {
+        self.filtered.iter().map(|f| f.efforts[e].clone()).collect()
+    }
+
+    /// The delay of an effort that is explained well enough, with its standard deviation.
+    fn delay(&self, e: usize, motion: &RegressionInput<'_>) -> Option<[f64; 2]> {
+        delay(
+            &self.normal,
+            &self.rows,
+            self.effort(e),
+            self.margin,
+            motion,
+        )
+    }
+}
+
 /// Finds the joint, the sign and the delay of each effort.
 pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
     let n = motion.joints.len();
-    let filter = |cutoff: f64| Butterworth::new(FILTER_ORDER, cutoff, motion.step).ok();
-    let (narrow, wide) = (
-        filter(motion.cutoff),
-        filter(POSITION_CUTOFF_RATIO * motion.cutoff),
-    );
-    let pass = |filter: &Option<Butterworth>, values: Vec<f64>| match filter {
-        Some(filter) => filter.zero_phase(&values).ok(),
-        None => Some(values),
-    };
-    let mut all: Vec<Filtered> = Vec::new();
-    for stretch in motion.stretches {
-        let column = |signal: Signal, filter: &Option<Butterworth>| {
-            let values = stretch.columns.get(signal.column)?;
-            let mut values = even(&stretch.times, values, motion.step);
-            for value in &mut values {
-                *value *= signal.factor;
-            }
-            pass(filter, values)
-        };
-        let positions: Option<Vec<_>> = motion.joints.iter().map(|j| column(j.0, &wide)).collect();
-        let efforts: Option<Vec<_>> = motion
-            .efforts
-            .iter()
-            .map(|e| column(e.0, &narrow))
-            .collect();
-        if let Some((positions, efforts)) = positions.zip(efforts) {
-            all.push(Filtered { positions, efforts });
-        }
-    }
-    let mut rows: Vec<Vec<Vec<f64>>> = basis(&all, motion);
-    // efforts and regressor pass the same filter, which keeps the equations valid although friction
-    // is not smooth
-    for rows in &mut rows {
-        for k in 1..rows.first().map_or(0, Vec::len) {
-            let values: Vec<f64> = rows.iter().map(|row| row[k]).collect();
-            let Some(values) = pass(&narrow, values) else {
-                continue;
-            };
-            for (row, value) in rows.iter_mut().zip(values) {
-                row[k] = value;
-            }
-        }
-    }
-    let total: usize = rows.iter().map(Vec::len).sum();
-    let width = rows.iter().flatten().next().map_or(0, Vec::len);
-    if width == 0 || total < ROWS_PER_COLUMN * width {
-        return Vec::new();
-    }
-    #[allow(clippy::cast_sign_loss, reason = "positive")]
-    let margin = (MARGIN_PERIODS / motion.cutoff / motion.step).ceil() as usize;
-    let normal = Normal::new(width, inner(&rows, margin).flatten());
-    let Some(normal) = normal else {
+    let Some(regression) = Regression::new(motion) else {
         return Vec::new();
     };
+    let Regression {
+        rows,
+        width,
+        margin,
+        normal,
+        ..
+    } = &regression;
+    let (width, margin) = (*width, *margin);
     let mut out = Vec::new();
     for (e, (_, joint, number)) in motion.efforts.iter().enumerate() {
-        let efforts: Vec<Vec<f64>> = all.iter().map(|f| f.efforts[e].clone()).collect();
-        let solved = regress(&normal, &rows, &efforts, margin);
+        let efforts = regression.effort(e);
+        let solved = regress(normal, rows, &efforts, margin);
         let mut found = Following {
             column: *number,
             joint: motion.joints.get(*joint).map_or("", |j| &j.1).to_owned(),
@@ -272,18 +329,53 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
             }
         }
         if found.explained >= MIN_EXPLAINED {
-            found.delay = delay(&normal, &rows, efforts, margin, motion);
+            found.delay = regression.delay(e, motion);
         }
         out.push(found);
     }
     exchanged(&mut out);
-    let precedes = |[seconds, sigma]: [f64; 2]| seconds < -MIN_LEAD_DEVIATIONS * sigma;
-    if out.iter().any(|found| found.delay.is_some_and(precedes)) {
-        for found in &mut out {
+    judge_delays(motion, &mut out);
+    out
+}
+
+/// Whether an effort with this delay and standard deviation, s, seems to precede its motion.
+///
+/// - `step`: the time between values, s.
+pub(crate) fn precedes([seconds, sigma]: [f64; 2], step: f64) -> bool {
+    seconds < -MIN_LEAD_DEVIATIONS * sigma.max(LEAST_DEVIATION_STEPS * step)
+}
+
+/// Leaves out all delays if an effort seems to precede its motion, and else adds to their standard
+/// deviations what the regression's lack of the robot's equations does to them: how they change
+/// with half of the cutoff, and how they differ from the usual one, since the drives of one
+/// controller are mostly logged equally late.
+fn judge_delays(motion: &RegressionInput<'_>, out: &mut [Following]) {
+    let mut delays = out.iter().filter_map(|found| found.delay);
+    if delays.any(|delay| precedes(delay, motion.step)) {
+        for found in out {
             found.delay = None;
         }
+        return;
     }
-    out
+    let all: Vec<f64> = out.iter().filter_map(|f| Some(f.delay?[0])).collect();
+    if all.is_empty() {
+        return;
+    }
+    let usual = 0.5 * (median(&all) - median(&all.iter().map(|s| -s).collect::<Vec<f64>>()));
+    let slow = RegressionInput {
+        cutoff: SLOW_PART * motion.cutoff,
+        joints: motion.joints.clone(),
+        efforts: motion.efforts.clone(),
+        ..*motion
+    };
+    let with_slow = Regression::new(&slow);
+    for (e, found) in out.iter_mut().enumerate() {
+        found.delay = found.delay.and_then(|[seconds, sigma]| {
+            let [other, _] = with_slow.as_ref()?.delay(e, &slow)?;
+            let lacking = (seconds - other).hypot(seconds - usual);
+            Some([seconds, sigma.hypot(lacking)])
+        });
+    }
 }
 
 /// Resets the result of an effort that follows another joint, unless the effort of that joint also

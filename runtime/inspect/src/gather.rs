@@ -1,10 +1,11 @@
 //! The second pass over a log, with its clock known: spectra, rows at rest, stretches of rows, and
 //! the trace for figures.
 
-use regen_identify::data::{DataError, RawLog, rest_context, resting};
+use regen_identify::data::{DataError, Differences, RawLog, rest_context, resting};
 
 use crate::clock::{Clock, ClockPass};
 use crate::columns::Surveyed;
+use crate::regrid::Regrid;
 use crate::spectrum::{Density, Welch, block_rows};
 
 /// The approximate rate of the values of a stretch, Hz; each is the mean of several rows.
@@ -19,6 +20,10 @@ const MIN_STRETCH: usize = 64;
 const REST_ROWS: usize = 4096;
 /// The largest number of points of the trace.
 const TRACE_POINTS: usize = 4096;
+
+/// A log is divided into at least three blocks, so that the longest part without a gap contains a
+/// block of the log that is so much longer.
+const BLOCKS_IN_STRETCH: usize = 2;
 
 /// Where the times of the rows come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -196,23 +201,92 @@ impl Stretches {
     }
 }
 
+impl Times {
+    /// The time of a row, s.
+    ///
+    /// - `place`: the number of rows before it; `row`: its entries.
+    fn of(self, place: usize, row: &[f64]) -> f64 {
+        match self {
+            Self::Entry(entry, factor) => row.get(entry).copied().unwrap_or(0.0) * factor,
+            Self::Rate(rate) => place as f64 / rate,
+        }
+    }
+}
+
+/// An even grid onto which rows are brought, see [`Regrid`].
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Grid {
+    /// Its step, s.
+    step: f64,
+    /// The number of its points between the two gaps that are farthest apart.
+    longest: usize,
+    /// The noise of each column from point to point.
+    pub(crate) noise: Vec<f64>,
+}
+
+/// Finds what the rows are on an even grid of times.
+///
+/// - `times`, `usual`: as for [`gather`]; `step`: the step of the grid, s.
+///
+/// # Errors
+/// If a file can no longer be read.
+pub(crate) fn on_grid(
+    log: &RawLog,
+    (times, usual): (Times, f64),
+    step: f64,
+) -> Result<Grid, DataError> {
+    let mut columns = vec![Differences::default(); log.numbers().len()];
+    let (mut present, mut longest) = (0, 0);
+    let mut receive = |_: u64, follows: bool, _: f64, values: &[f64]| {
+        present = if follows { present + 1 } else { 1 };
+        longest = present.max(longest);
+        for (column, value) in columns.iter_mut().zip(values) {
+            column.push(*value, follows);
+        }
+    };
+    let mut clock = ClockPass::new(usual);
+    let mut grid = Regrid::new(step);
+    let mut place = 0;
+    log.visit(&mut |row| {
+        let Ok((line, values)) = row else {
+            return;
+        };
+        let time = times.of(place, values);
+        let follows = clock.push(line, time);
+        let values = values.get(1..).unwrap_or_default();
+        grid.push(line, follows, time, values, &mut receive);
+        place += 1;
+    })?;
+    grid.finish(&mut receive);
+    let noise = columns.into_iter().map(|c| c.finish().noise).collect();
+    Ok(Grid {
+        step,
+        longest,
+        noise,
+    })
+}
+
 /// Makes the second pass over a log.
 ///
 /// - `surveyed`: the results of the first pass;
 /// - `times`: where the times of the rows come from;
-/// - `usual`: the median step of its first rows, s.
+/// - `usual`: the median step of its first rows, s;
+/// - `grid`: an even grid onto which the rows are brought first; all but the clock is then that of the
+///   grid.
 ///
 /// # Errors
 /// If a file can no longer be read.
 pub(crate) fn gather(
     log: &RawLog,
     surveyed: &Surveyed,
-    times: Times,
-    usual: f64,
+    (times, usual): (Times, f64),
+    grid: Option<&Grid>,
 ) -> Result<Gathered, DataError> {
     let count = log.numbers().len();
     let rows = surveyed.rows;
-    let block = block_rows(rows, usual);
+    // a block has no gap, and a spectrum is the mean of several blocks
+    let whole = grid.map_or(rows, |grid| rows.min(BLOCKS_IN_STRETCH * grid.longest));
+    let block = block_rows(whole, usual);
     let mut clock = ClockPass::new(usual);
     let mut welches = vec![Welch::new(block); count];
     let mut rests = Rests {
@@ -238,16 +312,7 @@ pub(crate) fn gather(
     };
     let mut trace = Trace::default();
     let mut place = 0;
-    log.visit(&mut |row| {
-        let Ok((line, values)) = row else {
-            return;
-        };
-        let time = match times {
-            Times::Entry(entry, factor) => values.get(entry).copied().unwrap_or(0.0) * factor,
-            Times::Rate(rate) => place as f64 / rate,
-        };
-        let values = values.get(1..).unwrap_or_default();
-        let follows = clock.push(line, time);
+    let mut receive = |_: u64, follows: bool, time: f64, values: &[f64]| {
         if !follows {
             welches.iter_mut().for_each(Welch::restart);
             rests.end(surveyed);
@@ -266,7 +331,25 @@ pub(crate) fn gather(
             stretches.push(time, values);
         }
         place += 1;
+    };
+    let mut regrid = grid.map(|grid| Regrid::new(grid.step));
+    let mut read = 0;
+    log.visit(&mut |row| {
+        let Ok((line, values)) = row else {
+            return;
+        };
+        let time = times.of(read, values);
+        let follows = clock.push(line, time);
+        let values = values.get(1..).unwrap_or_default();
+        match &mut regrid {
+            Some(regrid) => regrid.push(line, follows, time, values, &mut receive),
+            None => receive(line, follows, time, values),
+        }
+        read += 1;
     })?;
+    if let Some(regrid) = &mut regrid {
+        regrid.finish(&mut receive);
+    }
     rests.end(surveyed);
     stretches.end();
     let clock = clock.finish();

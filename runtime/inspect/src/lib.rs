@@ -28,6 +28,7 @@ mod needs;
 mod period;
 mod predict;
 mod proposal;
+mod regrid;
 mod relations;
 mod roles;
 mod solve;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::clock::{Clock, ClockSource};
 use crate::columns::{Extreme, Surveyed, survey};
 use crate::follow::{Following, RegressionInput, Signal, follow};
-use crate::gather::{Gathered, Times, gather};
+use crate::gather::{Gathered, Times, gather, on_grid};
 use crate::joints::{Joint, joints};
 use crate::names::{Role, meaning};
 use crate::period::{Period, period};
@@ -37,6 +37,8 @@ const PLAIN_CUTOFF_PART: f64 = 0.05;
 const SAME_RATE: f64 = 0.1;
 /// A rate found from velocities is rounded to two digits if that changes it by less than this part.
 const ROUND_PART: f64 = 0.01;
+/// A column that rests in a larger share of the rows counts as one that stands still.
+const STILL_SHARE: f64 = 0.999;
 /// One degree, rad.
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
 
@@ -105,6 +107,14 @@ pub struct LogFacts {
     pub period: Option<Period>,
     /// Sentences about what a user should know before using these data.
     pub notes: Vec<String>,
+}
+
+impl Column {
+    /// Whether the column is that of a joint that stands still: its value never changes, or at most
+    /// by its noise.
+    pub(crate) fn is_still(&self) -> bool {
+        self.low.value >= self.high.value || self.resting > STILL_SHARE
+    }
 }
 
 impl LogFacts {
@@ -228,7 +238,8 @@ fn rate_of(judged: &[Judged]) -> Option<f64> {
     (middle > 1.0 && 2 * same.count() > factors.len()).then_some(round)
 }
 
-/// Inspects a run: reads it twice, or three times where the rate is found from velocities.
+/// Inspects a run: reads it twice, a third time where the rate is found from velocities, and two more
+/// times where its clock is uneven or has gaps.
 ///
 /// - `settings`: how its files are read: format, rate, and the column of time;
 /// - `robot`: the robot whose coordinates the columns are matched with.
@@ -265,7 +276,7 @@ pub fn inspect(
     robot: Option<&Info<'_>>,
 ) -> Result<LogFacts, DataError> {
     let log = RawLog::open(run, settings)?;
-    let surveyed = survey(&log)?;
+    let mut surveyed = survey(&log)?;
     if surveyed.rows < MIN_ROWS {
         let first = surveyed.problems.first();
         let first = first.map_or_else(String::new, |p| format!("; {p}"));
@@ -287,6 +298,20 @@ pub fn inspect(
         reading.usual = 1.0;
         reading.source = ClockSource::Unknown;
     }
+    let mut gathered = gather(&log, &surveyed, (reading.times, reading.usual), None)?;
+    let found = &gathered.clock;
+    let is_whole = found.even && found.gaps == 0 && found.backwards == 0;
+    if reading.source == ClockSource::Column && !is_whole && found.rate > 0.0 {
+        // noise and spectra are those on the even grid onto which identification brings the rows: at
+        // uneven times a motion looks like noise
+        let times = (reading.times, reading.usual);
+        let grid = on_grid(&log, times, 1.0 / found.rate)?;
+        for (survey, noise) in surveyed.columns.iter_mut().skip(1).zip(&grid.noise) {
+            // steps have the noise of rounding, also where rests hide it
+            survey.encoder.noise = noise.max(survey.encoder.step / libm::sqrt(12.0));
+        }
+        gathered = gather(&log, &surveyed, times, Some(&grid))?;
+    }
     let mut known = Known {
         assignments: &settings.columns,
         timed: reading.source != ClockSource::Unknown,
@@ -298,7 +323,6 @@ pub fn inspect(
         coordinates: &coordinates,
         actuated: robot.map_or(&[], |info| info.actuated),
     };
-    let mut gathered = gather(&log, &surveyed, reading.times, reading.usual)?;
     let count = log.numbers().len();
     let step = known.timed.then_some(gathered.step);
     let mut relations = Relations::new(&gathered.stretches, count, step);
@@ -307,7 +331,7 @@ pub fn inspect(
         && let Some(rate) = rate_of(&judged)
     {
         reading.source = ClockSource::Velocities;
-        gathered = gather(&log, &surveyed, Times::Rate(rate), 1.0 / rate)?;
+        gathered = gather(&log, &surveyed, (Times::Rate(rate), 1.0 / rate), None)?;
         relations = Relations::new(&gathered.stretches, count, Some(gathered.step));
         known.timed = true;
         judged = judge(&known, &relations);
@@ -337,7 +361,9 @@ pub fn inspect(
     let positions: Vec<usize> = out
         .joints
         .iter()
-        .filter_map(|j| entries(j.position))
+        .filter_map(|j| out.column(j.position?))
+        .filter(|column| !column.is_still())
+        .filter_map(|column| entries(Some(column.number)))
         .collect();
     out.period = period(&gathered.trace, &positions);
     let signal = |number: Option<usize>| {
@@ -455,12 +481,14 @@ fn columns(
 /// digits and at most [`MAX_CUTOFF_PART`] of the rate; `None` if no joint moves.
 fn cutoff(found: &LogFacts) -> Option<f64> {
     let ends = found.joints.iter().filter_map(|joint| {
-        let of = |number: Option<usize>| {
-            let spectrum = found.column(number?)?.spectrum?;
-            // a joint that does not move has only noise
-            (spectrum.meets != Some(0.0)).then_some(spectrum.ends)
-        };
-        of(joint.position).or_else(|| of(joint.velocity))
+        let of = |number: Option<usize>| found.column(number?);
+        let (position, velocity) = (of(joint.position), of(joint.velocity));
+        // a joint that does not move has only noise
+        if position.or(velocity).is_none_or(Column::is_still) {
+            return None;
+        }
+        let spectrum = position.and_then(|column| column.spectrum);
+        Some(spectrum.or_else(|| velocity?.spectrum)?.ends)
     });
     let most = ends
         .fold(0.0, f64::max)

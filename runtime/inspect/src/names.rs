@@ -53,6 +53,9 @@ pub(crate) struct Meaning {
     pub(crate) role: Role,
     /// Whether the quantity is commanded by a controller, not measured.
     pub(crate) commanded: bool,
+    /// Whether name or unit says that the quantity is neither motion nor effort, such as a
+    /// temperature.
+    pub(crate) is_unused: bool,
     pub(crate) unit: Option<&'static str>,
     /// The joint's name: the words that remain.
     pub(crate) joint: String,
@@ -61,6 +64,9 @@ pub(crate) struct Meaning {
 /// The words in names that denote each quantity. The first entry with a word of the name counts, so
 /// that `angle_velocity` is a velocity.
 const WORDS: [(Role, &[&str]); 7] = [
+    // quantities that identification does not use; a second word does not change this, as in
+    // `motor current temperature`
+    (Role::Other, &UNUSED_WORDS),
     (
         Role::Time,
         &[
@@ -113,11 +119,46 @@ const WORDS: [(Role, &[&str]); 7] = [
         &["i", "iq", "cur", "curr", "current", "currents", "amps"],
     ),
     (Role::Position, &POSITION_WORDS),
-    // quantities that identification does not use
-    (
-        Role::Other,
-        &["temp", "temperature", "voltage", "status", "mode"],
-    ),
+];
+
+/// The words in names of quantities that are neither motion nor effort.
+const UNUSED_WORDS: [&str; 29] = [
+    "temp",
+    "temps",
+    "temperature",
+    "temperatures",
+    "thermal",
+    "celsius",
+    "kelvin",
+    "fahrenheit",
+    "degc",
+    "degf",
+    "voltage",
+    "voltages",
+    "volt",
+    "volts",
+    "vbus",
+    "power",
+    "watt",
+    "watts",
+    "status",
+    "mode",
+    "flag",
+    "flags",
+    "fault",
+    "faults",
+    "error",
+    "errors",
+    "warning",
+    "humidity",
+    "pressure",
+];
+
+/// The spellings in brackets of units of such quantities. `C` without a degree sign is a unit of
+/// temperature too: no logged motion or effort has a unit of this name.
+const UNUSED_UNITS: [&str; 15] = [
+    "degc", "deg c", "deg_c", "\u{b0}c", "\u{ba}c", "c", "celsius", "degf", "\u{b0}f", "k",
+    "kelvin", "v", "mv", "w", "bool",
 ];
 
 /// The words in names of positions.
@@ -154,7 +195,7 @@ const MEASURED: [&str; 8] = [
     "act", "actual", "meas", "measured", "motor", "joint", "state", "states",
 ];
 /// The spellings of units in names, with the unit.
-const UNITS: [(&str, &str); 19] = [
+const UNITS: [(&str, &str); 21] = [
     ("deg", "deg"),
     ("degrees", "deg"),
     ("rad", "rad"),
@@ -171,23 +212,42 @@ const UNITS: [(&str, &str); 19] = [
     ("n", "N"),
     ("a", "A"),
     ("ma", "mA"),
+    // of a rated torque or current
+    ("%", "%"),
+    ("percent", "%"),
     ("ms", "ms"),
     ("us", "us"),
     ("ns", "ns"),
 ];
 
+/// What brackets in a name state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stated {
+    /// No unit that is known.
+    Nothing,
+    /// A unit of motion, effort, current or time.
+    Unit(&'static str),
+    /// A unit of a quantity that identification does not use.
+    Unused,
+}
+
 /// Splits a unit in brackets from a name: `pos_2 [deg]` is `pos_2 ` in deg.
-fn unbracketed(name: &str) -> (String, Option<&'static str>) {
+fn unbracketed(name: &str) -> (String, Stated) {
     for (open, close) in [('[', ']'), ('(', ')')] {
         if let Some((before, rest)) = name.split_once(open)
             && let Some((inside, after)) = rest.split_once(close)
         {
             let inside = inside.trim().to_lowercase();
             let unit = UNITS.iter().find(|(word, _)| *word == inside);
-            return (format!("{before}{after}"), unit.map(|unit| unit.1));
+            let stated = match unit {
+                Some((_, unit)) => Stated::Unit(unit),
+                None if UNUSED_UNITS.contains(&inside.as_str()) => Stated::Unused,
+                None => Stated::Nothing,
+            };
+            return (format!("{before}{after}"), stated);
         }
     }
-    (name.to_owned(), None)
+    (name.to_owned(), Stated::Nothing)
 }
 
 /// The words of a name in lower case, split at punctuation, at capitals, and between letters and
@@ -212,10 +272,17 @@ fn words(name: &str) -> Vec<String> {
 
 /// Parses the name of a column; the result for an empty name is [`Role::Other`].
 pub(crate) fn meaning(name: &str) -> Meaning {
-    let (plain, unit) = unbracketed(name);
+    let (plain, stated) = unbracketed(name);
     let mut words = words(&plain);
     let mut out = Meaning {
-        unit,
+        unit: match stated {
+            Stated::Unit(unit) => Some(unit),
+            Stated::Nothing | Stated::Unused => None,
+        },
+        is_unused: stated == Stated::Unused
+            || words
+                .iter()
+                .any(|word| UNUSED_WORDS.contains(&word.as_str())),
         ..Meaning::default()
     };
     // a unit without brackets is the last word and follows another: `q1_deg`
@@ -246,6 +313,8 @@ pub(crate) fn meaning(name: &str) -> Meaning {
         }
     }
     out.role = match (found, out.unit) {
+        // `(deg)` may be the unit of a temperature, and a percentage that of a load
+        _ if out.is_unused => Role::Other,
         (Role::Other, Some("deg" | "rad" | "mm" | "m")) => Role::Position,
         (Role::Other, Some("rad/s" | "deg/s" | "rpm" | "m/s")) => Role::Velocity,
         (Role::Other, Some("rad/s^2")) => Role::Acceleration,
@@ -291,6 +360,22 @@ mod tests {
             ("target_torque_2", (Role::Effort, true, None, joint("2"))),
             ("arm (Nm)", (Role::Effort, false, Some("Nm"), joint("arm"))),
             ("joint_3_temp", (Role::Other, false, None, joint("3"))),
+            (
+                "J1 MotorTemp[degC]",
+                (Role::Other, false, None, joint("j_1")),
+            ),
+            (
+                "A1 Temp [\u{b0}C]",
+                (Role::Other, false, None, joint("a_1")),
+            ),
+            (
+                "A1 Torque [%]",
+                (Role::Effort, false, Some("%"), joint("a_1")),
+            ),
+            (
+                "/joint_states/elbow/position",
+                (Role::Position, false, None, joint("elbow")),
+            ),
             ("17", (Role::Other, false, None, joint("17"))),
         ] {
             assert_eq!(parsed(name), expected, "{name}");

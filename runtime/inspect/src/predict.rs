@@ -113,6 +113,28 @@ pub struct Prediction {
     pub condition: f64,
     /// How each independent joint moves.
     pub motion: Vec<JointMotion>,
+    /// Sentences about what the prediction is made from, such as runs that are left out.
+    pub notes: Vec<String>,
+}
+
+impl Prediction {
+    /// Removes the nominal values and what follows from them, where the efforts are in other units
+    /// than these, and states why: parameters that data determine are `determined`, neither well nor
+    /// poor.
+    pub fn without_nominal(&mut self, why: String) {
+        for parameter in &mut self.parameters {
+            parameter.nominal = None;
+            parameter.percent = None;
+            if matches!(
+                parameter.status,
+                ExpectedStatus::Well | ExpectedStatus::Poor
+            ) {
+                parameter.status = ExpectedStatus::Determined;
+                parameter.needs.clear();
+            }
+        }
+        self.notes.push(why);
+    }
 }
 
 /// A source that also passes each of its states to another function.
@@ -394,6 +416,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         parameters,
         condition: judged.condition,
         motion,
+        notes: Vec::new(),
     })
 }
 

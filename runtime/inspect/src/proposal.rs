@@ -9,8 +9,10 @@ use crate::clock::ClockSource;
 use crate::joints::Joint;
 use crate::log::{Column, LogFacts};
 use crate::names::Role;
-use crate::words::late_efforts;
+use crate::words::{late_efforts, title};
 
+/// The unit of efforts that are parts of a rated one.
+const PERCENT: &str = "%";
 /// The order of the proposed Butterworth filter.
 const ORDER: usize = 4;
 /// The factor between a position and the integral of its velocity counts as that of a unit if it
@@ -62,26 +64,58 @@ fn units(found: &LogFacts, joint: &Joint) -> [Option<&'static str>; 2] {
     out
 }
 
+/// A column in the proposed file.
+struct Entry<'a> {
+    /// The joint's name.
+    name: String,
+    column: &'a Column,
+    unit: Option<&'static str>,
+    /// The keys beside column and unit, each with its value, such as `gain` and `unknown`.
+    more: Vec<(&'static str, &'static str)>,
+}
+
 /// A line of `columns`.
-fn line(out: &mut String, key: &str, column: &str, unit: Option<&str>, more: &str) {
+fn line(out: &mut String, key: &str, column: &str, unit: Option<&str>, more: &[(&str, String)]) {
     let unit = unit.map_or_else(String::new, |unit| format!(", unit: {unit}"));
+    let more = more.iter().map(|(key, value)| format!(", {key}: {value}"));
+    let more: String = more.collect();
     let _ = writeln!(out, "  {}: {{column: {column}{unit}{more}}}", quoted(key));
+}
+
+/// The keys of all entries together: a value if it is that of all, and else their list.
+fn listed(entries: &[Entry<'_>]) -> Vec<(&'static str, String)> {
+    let mut out = Vec::new();
+    for (key, missing) in [("factor", "1"), ("gain", "unknown")] {
+        let values: Vec<&str> = entries
+            .iter()
+            .map(|entry| {
+                let own = entry.more.iter().find(|(own, _)| *own == key);
+                own.map_or(missing, |(_, value)| value)
+            })
+            .collect();
+        let stated = entries.iter().any(|e| e.more.iter().any(|m| m.0 == key));
+        if let (true, Some(first)) = (stated, values.first()) {
+            let is_shared = values.iter().all(|value| value == first);
+            out.push((
+                key,
+                if is_shared {
+                    (*first).to_owned()
+                } else {
+                    format!("[{}]", values.join(", "))
+                },
+            ));
+        }
+    }
+    out
 }
 
 /// Writes the columns of one quantity: as one line with a range of numbers if they are consecutive,
 /// have the same unit, and neither they nor the joints have names; else as one line per joint.
-fn kind(
-    out: &mut String,
-    found: &LogFacts,
-    prefix: &str,
-    stated: bool,
-    columns: &[(String, &Column, Option<&'static str>)],
-    more: &str,
-) {
-    let numbers: Vec<usize> = columns.iter().map(|(_, column, _)| column.number).collect();
+fn kind(out: &mut String, found: &LogFacts, prefix: &str, stated: bool, entries: &[Entry<'_>]) {
+    let numbers: Vec<usize> = entries.iter().map(|entry| entry.column.number).collect();
     let together = numbers.windows(2).all(|pair| pair[1] == pair[0] + 1);
-    let unit = columns.first().and_then(|c| c.2);
-    let same = columns.iter().all(|c| c.2 == unit);
+    let unit = entries.first().and_then(|entry| entry.unit);
+    let same = entries.iter().all(|entry| entry.unit == unit);
     if let (Some(first), Some(last)) = (numbers.first(), numbers.last())
         && !stated
         && !found.named
@@ -93,18 +127,149 @@ fn kind(
         } else {
             format!("{prefix}*")
         };
-        line(out, &key, &format!("{first}..{last}"), unit, more);
-        return;
-    }
-    for (name, column, unit) in columns {
         line(
             out,
-            &format!("{prefix}{name}"),
-            &place(found, column),
-            *unit,
-            more,
+            &key,
+            &format!("{first}..{last}"),
+            unit,
+            &listed(entries),
+        );
+        return;
+    }
+    for entry in entries {
+        line(
+            out,
+            &format!("{prefix}{}", entry.name),
+            &place(found, entry.column),
+            entry.unit,
+            &listed(std::slice::from_ref(entry)),
         );
     }
+}
+
+/// Whether all logs that tell the sign of this effort tell that it is reversed.
+fn is_reversed(facts: &[LogFacts], joint: &str, column: usize) -> bool {
+    let all = facts.iter().flat_map(|log| &log.efforts);
+    let mut own = all
+        .filter(|e| e.column == column && e.joint == joint && e.follows.as_deref() == Some(joint))
+        .peekable();
+    own.peek().is_some() && own.all(|effort| effort.reversed)
+}
+
+/// Whether a unit is that of a current.
+fn is_current(unit: Option<&str>) -> bool {
+    matches!(unit, Some("A" | "mA"))
+}
+
+/// Writes the columns of the efforts, with what is unknown about them.
+fn efforts(out: &mut String, facts: &[LogFacts], found: &LogFacts, robot: bool) {
+    let one = |joint: &Joint| {
+        let column = found.column(joint.effort?)?;
+        let mut more = Vec::new();
+        if is_reversed(facts, &joint.name, column.number) {
+            more.push(("factor", "-1"));
+        }
+        Some(Entry {
+            name: joint.name.clone(),
+            column,
+            unit: column.unit,
+            more,
+        })
+    };
+    let mut entries: Vec<Entry<'_>> = found.joints.iter().filter_map(one).collect();
+    let parts = entries.iter().any(|entry| entry.unit == Some(PERCENT));
+    let currents = entries
+        .iter()
+        .any(|entry| is_current(entry.unit) || entry.column.role == Role::Current);
+    if parts || currents {
+        // a torque gives the scale, and an effort that never changes gives none
+        let is_torque = |entry: &Entry<'_>| matches!(entry.unit, Some("Nm" | "N"));
+        let changes = |entry: &&Entry<'_>| entry.column.low.value < entry.column.high.value;
+        let known = if entries.iter().any(is_torque) {
+            None
+        } else {
+            entries.iter().find(changes).or(entries.first())
+        };
+        let known = known.map(|entry| entry.name.clone());
+        comment(
+            out,
+            if parts {
+                "in % of a rated torque or current, which is not stated: read like a current, \
+             since the file has no unit for it, with a gain in N m per %"
+            } else {
+                "currents: the gain is the torque constant with the gear, N m/A"
+            },
+        );
+        if let Some(name) = &known {
+            let (unit, give) = if parts {
+                ("percentage", "the torque of one percent, with the gear,")
+            } else {
+                ("current", "its torque constant times its gear ratio")
+            };
+            comment(
+                out,
+                &format!(
+                    "the gain of tau_{name} is set to 1: parameters are then in units of that \
+                     drive's {unit}; give {give} if known. Gains differ between drives, so the \
+                     others are identified"
+                ),
+            );
+        }
+        for entry in entries.iter_mut().filter(|entry| !is_torque(entry)) {
+            entry.unit = entry.unit.filter(|u| is_current(Some(u))).or(Some("A"));
+            let is_known = known.as_ref() == Some(&entry.name);
+            entry
+                .more
+                .push(("gain", if is_known { "1" } else { "unknown" }));
+        }
+    } else if !found.named && !entries.is_empty() {
+        comment(
+            out,
+            "where these are currents: unit: A, and gain: with one torque constant each",
+        );
+    }
+    let reversed: Vec<String> = entries
+        .iter()
+        .filter(|entry| entry.more.iter().any(|m| m.0 == "factor"))
+        .map(|entry| format!("tau_{}", entry.name))
+        .collect();
+    if !reversed.is_empty() {
+        comment(
+            out,
+            &format!(
+                "factor: -1 where friction would otherwise drive the joint: {}",
+                reversed.join(", ")
+            ),
+        );
+    }
+    for effort in &found.efforts {
+        if let Some(other) = effort.follows.as_ref().filter(|f| **f != effort.joint) {
+            let name = title(found, effort.column);
+            let text = format!(
+                "{name}, here the effort of {}, follows the motion of {other}: see which is right",
+                effort.joint
+            );
+            comment(out, &text);
+        }
+    }
+    kind(out, found, "tau_", robot, &entries);
+}
+
+/// Writes a comment among the columns, in lines of at most 80 characters where words allow.
+fn comment(out: &mut String, text: &str) {
+    const START: &str = "  #";
+    let mut length = 0;
+    for word in text.split_whitespace() {
+        let own = word.chars().count() + 1;
+        if length == 0 || length + own > 80 {
+            out.push_str(if length == 0 { START } else { "\n  #" });
+            length = START.len();
+        }
+        out.push(' ');
+        out.push_str(word);
+        length += own;
+    }
+    out.push('\n');
 }
 
 /// The text of an experiment file that reads these logs, for the columns and the clock of the first.
@@ -127,49 +292,20 @@ pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String>
             } else {
                 column.unit
             };
-            Some((joint.name.clone(), column, unit))
+            Some(Entry {
+                name: joint.name.clone(),
+                column,
+                // no unit of a motion
+                unit: unit.filter(|unit| *unit != PERCENT),
+                more: Vec::new(),
+            })
         };
         found.joints.iter().filter_map(one).collect::<Vec<_>>()
     };
-    kind(&mut out, found, "", robot, &with(|j| j.position, 0), "");
-    kind(&mut out, found, "qd_", robot, &with(|j| j.velocity, 1), "");
-    kind(
-        &mut out,
-        found,
-        "qdd_",
-        robot,
-        &with(|j| j.acceleration, 2),
-        "",
-    );
-    let efforts = with(|j| j.effort, 2);
-    let current = |unit: Option<&str>| matches!(unit, Some("A" | "mA"));
-    let currents = efforts
-        .iter()
-        .any(|(_, column, unit)| current(*unit) || column.role == Role::Current);
-    if currents {
-        out.push_str(
-            "  # currents: the gain is the torque constant with the gear, N m/A; with 1 all\n  \
-             # parameters are in units of current\n",
-        );
-        let efforts: Vec<_> = efforts
-            .into_iter()
-            .map(|(name, column, unit)| {
-                (
-                    name,
-                    column,
-                    unit.filter(|u| current(Some(u))).or(Some("A")),
-                )
-            })
-            .collect();
-        kind(&mut out, found, "tau_", robot, &efforts, ", gain: 1");
-    } else {
-        if !found.named && !efforts.is_empty() {
-            out.push_str(
-                "  # where these are currents: unit: A, and gain: with one torque constant each\n",
-            );
-        }
-        kind(&mut out, found, "tau_", robot, &efforts, "");
-    }
+    kind(&mut out, found, "", robot, &with(|j| j.position, 0));
+    kind(&mut out, found, "qd_", robot, &with(|j| j.velocity, 1));
+    kind(&mut out, found, "qdd_", robot, &with(|j| j.acceleration, 2));
+    efforts(&mut out, facts, found, robot);
     let clock = &found.clock;
     match (clock.source, clock.column.and_then(|n| found.column(n))) {
         (ClockSource::Column, Some(column)) => {
@@ -258,8 +394,13 @@ fn process(out: &mut String, found: &LogFacts) {
             figure_of(5, period.frequency)
         );
     }
+    let unclear = |log: &LogFacts| log.efforts.iter().all(|effort| effort.delay.is_none());
     if late {
         out.push_str("  delay: auto\n");
+    } else if !found.efforts.is_empty() && unclear(found) {
+        out.push_str(
+            "  # whether efforts are late is unclear: `delay: auto` finds it in the fit\n",
+        );
     }
 }
 

@@ -38,6 +38,11 @@ pub(crate) struct Judged {
 }
 
 impl Judged {
+    /// Whether the role may still be judged from the other columns: neither name nor unit states it.
+    fn is_open(&self) -> bool {
+        self.role == Role::Other && !self.meaning.is_unused
+    }
+
     /// The factor to SI units: the assigned one, or that of degrees if the name has that unit.
     pub(crate) fn unit_factor(&self) -> f64 {
         match (&self.assigned, self.unit) {
@@ -142,7 +147,7 @@ pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
         .collect();
     for judged in &mut out {
         let joint = key(&judged.meaning.joint);
-        if judged.role == Role::Other && !joint.is_empty() && of_joints.iter().any(|j| j == joint) {
+        if judged.is_open() && !joint.is_empty() && of_joints.iter().any(|j| j == joint) {
             judged.role = Role::Position;
             "other columns have its name".clone_into(&mut judged.reason);
         }
@@ -214,6 +219,9 @@ fn by_name(known: &Known<'_>, k: usize) -> Judged {
             "by its name".clone_into(&mut out.reason);
         }
     }
+    if out.meaning.is_unused {
+        "its name is that of a quantity that is not used".clone_into(&mut out.reason);
+    }
     if out.role == Role::Other && known.is_constant(k) {
         out.role = Role::Constant;
     }
@@ -252,13 +260,12 @@ fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut
                 format!("column {}", known.numbers.get(k).map_or(0, |i| i + 1))
             }
         };
-        if out[b].role == Role::Other && matches!(out[a].role, Role::Other) || out[a].role == other
-        {
-            if out[b].role == Role::Other {
+        if out[b].is_open() && out[a].is_open() || out[a].role == other {
+            if out[b].is_open() {
                 out[b].role = own;
                 out[b].reason = format!("it is the derivative of {}", title(a));
             }
-            if out[a].role == Role::Other {
+            if out[a].is_open() {
                 out[a].role = other;
                 out[a].reason = format!("{} is its derivative", title(b));
             }
@@ -303,9 +310,7 @@ fn by_place(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [J
 /// Guesses positions and efforts if no position was found otherwise: the first half of the unknown
 /// columns if they are smooth, and the second half if those are rough.
 fn by_order(known: &Known<'_>, out: &mut [Judged]) {
-    let left: Vec<usize> = (0..out.len())
-        .filter(|k| out[*k].role == Role::Other)
-        .collect();
+    let left: Vec<usize> = (0..out.len()).filter(|k| out[*k].is_open()).collect();
     let (first, second) = left.split_at(left.len() / 2);
     let typical = |columns: &[usize]| {
         let all: Vec<f64> = columns.iter().map(|k| known.roughness(*k)).collect();
@@ -337,7 +342,10 @@ fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
     let (false, false, Some(last)) = (some, count == 0, last) else {
         return;
     };
-    let free = |k: &usize| matches!(out[*k].role, Role::Other | Role::Constant);
+    let free = |k: &usize| {
+        let own = &out[*k];
+        own.is_open() || own.role == Role::Constant && !own.meaning.is_unused
+    };
     // adjacent columns, not all of them constant
     let start = (last + 1..out.len()).find(|k| {
         let mut block = *k..k + count;

@@ -3,7 +3,7 @@
 use regen_identify::text::figure_of;
 
 use crate::clock::ClockSource;
-use crate::log::LogFacts;
+use crate::log::{Column, LogFacts};
 use crate::names::Role;
 
 /// The least share of rows at an extreme that is reported as saturation.
@@ -16,8 +16,6 @@ const CERTAIN_DEVIATIONS: f64 = 4.0;
 const MIN_DELAY_STEPS: f64 = 0.5;
 /// The least share of rows at rest that is reported.
 const MIN_REST_SHARE: f64 = 0.05;
-/// A joint that rests in a larger share of the rows counts as one that never moves.
-const STILL_SHARE: f64 = 0.999;
 /// The units of a position and its velocity, by the factor between the position and the integral of
 /// the velocity.
 const UNITS: [(f64, &str); 4] = [
@@ -95,13 +93,23 @@ fn clock(found: &LogFacts, out: &mut Vec<String>) {
 }
 
 fn columns(found: &LogFacts, out: &mut Vec<String>) {
+    // the velocity and the effort of a joint that stands still show no more than its position does
+    let of_still = |number: usize| {
+        let still = found.joints.iter().filter(|joint| {
+            let position = joint.position.and_then(|n| found.column(n));
+            position.is_some_and(Column::is_still)
+        });
+        let mut columns =
+            still.flat_map(|joint| [joint.velocity, joint.acceleration, joint.effort]);
+        columns.any(|own| own == Some(number))
+    };
     for column in &found.columns {
         let name = title(found, column.number);
         let constant = column.low.value >= column.high.value;
         match column.role {
-            Role::Position if constant || column.resting > STILL_SHARE => {
-                out.push(format!("{name} never moves"));
-            }
+            Role::Position if column.is_still() => out.push(format!("{name} never moves")),
+            _ if constant && of_still(column.number) => {}
+            Role::Velocity if constant => out.push(format!("{name} is the same in all rows")),
             Role::Position if column.resting > MIN_REST_SHARE => out.push(format!(
                 "{name} rests in {} of the rows, where friction is static",
                 percent(column.resting)

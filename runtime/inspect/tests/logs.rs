@@ -355,3 +355,235 @@ fn a_clock_that_stands_still_is_no_clock() {
     assert_eq!(found.clock.source, ClockSource::Unknown);
     assert_eq!((found.rows, found.clock.backwards), (2000, 0));
 }
+
+/// A log of lines of cells, as inspect finds it.
+fn of_lines(
+    name: &str,
+    header: &str,
+    rows: usize,
+    cells: impl Fn(usize) -> Vec<String>,
+) -> LogFacts {
+    let mut text = format!("{header}\n");
+    for k in 0..rows {
+        writeln!(text, "{}", cells(k).join(",")).unwrap();
+    }
+    let path = std::env::temp_dir().join(format!("regen-{name}-{}.csv", std::process::id()));
+    std::fs::write(&path, text).unwrap();
+    let out = inspect(&Run::from(path.as_path()), &Settings::default(), None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    out
+}
+
+#[test]
+fn temperatures_of_motors_are_neither_positions_nor_efforts() {
+    // columns `J1 ...` are all of the joint J1; the temperatures rise slowly in whole degrees
+    for (unit, plain) in [
+        ("MotorTemp[degC]", "J1"),
+        ("Temp [\u{b0}C]", "A1"),
+        ("Heat [K]", "A1"),
+    ] {
+        let header = format!("t,{plain} Pos [deg],{plain} Current [A],{plain} {unit}");
+        let found = of_lines("heat", &header, 4000, |k| {
+            let t = 0.005 * k as f64;
+            let angle = 40.0 * (1.7 * t).sin() + 10.0 * (4.1 * t).cos();
+            let current = 2.0 * (1.7 * t).cos().signum() + 3.0 * angle.to_radians().sin();
+            [t, angle, current, 30.0 + (0.2 * t).floor()]
+                .map(|x| format!("{x:.5}"))
+                .to_vec()
+        });
+        let roles: Vec<Role> = found.columns.iter().map(|c| c.role).collect();
+        let expected = [Role::Time, Role::Position, Role::Current, Role::Other];
+        assert_eq!(roles, expected, "{unit}");
+        assert_eq!(found.joints.len(), 1, "{unit}");
+    }
+}
+
+#[test]
+fn an_uneven_clock_is_not_taken_for_noise_of_the_positions() {
+    let mut state = 3_u64;
+    let mut even = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 33) as f64 / 2_f64.powi(31) - 0.5
+    };
+    let sigma = 2e-5;
+    let rows: Vec<Vec<String>> = (0..4000)
+        .map(|k| {
+            // steps of 10 ms, each row up to 2 ms early or late
+            let t = 0.01 * f64::from(k) + 4e-3 * even();
+            let noise = sigma * (0..12).map(|_| even()).sum::<f64>();
+            let [q, qd, qdd] = motion(0, t, 5.0);
+            let tau = 1.1 * qdd + 6.0 * q.cos() + 0.8 * qd.signum() + 0.02 * even();
+            vec![
+                format!("{t:.9}"),
+                format!("{:.9}", q + noise),
+                format!("{tau:.6}"),
+            ]
+        })
+        .collect();
+    let found = of_lines("uneven", "t,a,tau_a", rows.len(), |k| rows[k].clone());
+    assert!(!found.clock.even);
+    // what differences leave of a motion of 5 Hz at 100 Hz adds a tenth; taken as even, the rows
+    // would show 1 ms of a motion of 1 rad/s, fifty times as much
+    let noise = found.columns[1].noise;
+    assert!((noise / sigma - 1.0).abs() < 0.2, "{noise}");
+    // the highest frequency of the motion, widened by the window of the spectrum
+    let cutoff = found.cutoff.unwrap();
+    assert!((5.0..6.5).contains(&cutoff), "{cutoff}");
+    let text = proposal(&[Run::from(PathBuf::from("a.csv"))], &[found], false).unwrap();
+    assert!(text.contains("  resample: 100\n  filter: "), "{text}");
+}
+
+#[test]
+fn a_joint_that_stands_still_is_told_once_and_hides_no_period() {
+    let mut state = 5_u64;
+    let mut noise = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        1e-5 * ((state >> 33) as f64 / 2_f64.powi(31) - 0.5)
+    };
+    let rows: Vec<Vec<String>> = (0..6000)
+        .map(|k| {
+            let t = 0.005 * f64::from(k);
+            let [q, qd, qdd] = motion(0, t, 2.0);
+            let locked = 0.3 + noise();
+            [t, q + noise(), locked, qd, 0.0, 1.1 * qdd + 0.4 * qd, 0.0]
+                .map(|x| format!("{x:.9}"))
+                .to_vec()
+        })
+        .collect();
+    let header = "t,a,b,qd_a,qd_b,tau_a,tau_b";
+    let found = of_lines("still", header, rows.len(), |k| rows[k].clone());
+    let of_b: Vec<&String> = found.notes.iter().filter(|n| n.contains('b')).collect();
+    assert_eq!(of_b, ["`b` never moves"], "{:?}", found.notes);
+    let period = found.period.unwrap();
+    assert!((period.seconds - 10.0).abs() < 0.02, "{period:?}");
+}
+
+/// The proposal for a log of one found log.
+fn proposed(found: &LogFacts) -> String {
+    let run = Run::from(PathBuf::from("a.csv"));
+    proposal(&[run], std::slice::from_ref(found), false).unwrap()
+}
+
+#[test]
+fn gains_of_currents_are_proposed_as_unknown_but_for_that_of_the_first_which_changes() {
+    for (unit, what) in [("[A]", "N m/A"), ("[%]", "N m per %")] {
+        let facts = of_header(&format!("t,a,b,current_a {unit},current_b {unit}"));
+        let (mut found, _) = inspected("gains", &facts);
+        let text = proposed(&found);
+        for line in [
+            "\"current_a UNIT\", unit: A, gain: 1}",
+            "\"current_b UNIT\", unit: A, gain: unknown}",
+            "the gain of tau_a is set to 1",
+        ] {
+            assert!(text.contains(&line.replace("UNIT", unit)), "{line}\n{text}");
+        }
+        assert!(text.contains(what), "{text}");
+        assert!(text.lines().all(|line| line.len() <= 80), "{text}");
+        // an effort that never changes tells no scale
+        found.columns[3].high = found.columns[3].low;
+        let text = proposed(&found);
+        assert!(
+            text.contains(&format!("\"current_b {unit}\", unit: A, gain: 1}}")),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn a_torque_beside_a_percentage_gives_the_scale() {
+    let (found, _) = inspected("mixed", &of_header("t,a,b,a torque [Nm],b torque [%]"));
+    let text = proposed(&found);
+    assert!(text.contains("\"a torque [Nm]\", unit: Nm}"), "{text}");
+    assert!(
+        text.contains("\"b torque [%]\", unit: A, gain: unknown}"),
+        "{text}"
+    );
+}
+
+/// The plain properties with another header.
+fn of_header(header: &str) -> Facts {
+    Facts {
+        header: header.to_owned().leak(),
+        ..PLAIN
+    }
+}
+
+#[test]
+fn reversed_efforts_are_proposed_with_a_factor() {
+    let signs = [1.0, -1.0];
+    let (found, _) = inspected("reversed-proposal", &Facts { signs, ..PLAIN });
+    let text = proposed(&found);
+    assert!(
+        text.contains("tau_b: {column: tau_b, factor: -1}"),
+        "{text}"
+    );
+    assert!(text.contains("tau_a: {column: tau_a}"), "{text}");
+    assert!(text.contains("  # factor: -1 where"), "{text}");
+    // without names, all factors are in one line
+    let facts = Facts {
+        header: "",
+        velocities: true,
+        signs,
+        ..PLAIN
+    };
+    let (found, _) = inspected("reversed-bare", &facts);
+    let text = proposed(&found);
+    assert!(
+        text.contains("\"tau_*\": {column: 6..7, factor: [1, -1]}"),
+        "{text}"
+    );
+}
+
+#[test]
+fn columns_are_matched_with_coordinates_by_their_words_and_the_topic_is_kept() {
+    let words = ["elbow", "wrist"];
+    let of = |what: &str| words.map(|joint| format!("/joint_states/{joint}/{what}"));
+    let header = ["t".to_owned()]
+        .into_iter()
+        .chain(of("position"))
+        .chain(of("effort"));
+    let header: Vec<String> = header.collect();
+    let path = std::env::temp_dir().join(format!("regen-words-{}.csv", std::process::id()));
+    let mut text = header.join(",") + "\n";
+    for k in 0..4000 {
+        let t = 0.005 * f64::from(k);
+        let [a, b] = [0, 1].map(|joint| motion(joint, t, 2.0));
+        let tau = efforts(a, b);
+        writeln!(
+            text,
+            "{t:.3},{:.7},{:.7},{:.5},{:.5}",
+            a[0], b[0], tau[0], tau[1]
+        )
+        .unwrap();
+    }
+    std::fs::write(&path, text).unwrap();
+    // the coordinates in another order than the columns
+    let info = regen_runtime::Info {
+        name: "arm",
+        coordinates: &["wrist", "elbow"],
+        independent: &[0, 1],
+        actuated: &[0, 1],
+        ..regen_runtime::Info::EMPTY
+    };
+    let mut run = Run::from(path.as_path());
+    let found = inspect(&run, &Settings::default(), Some(&info)).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let columns: Vec<_> = found
+        .joints
+        .iter()
+        .map(|j| (j.name.as_str(), j.position, j.effort))
+        .collect();
+    let expected = [("wrist", Some(3), Some(5)), ("elbow", Some(2), Some(4))];
+    assert_eq!(columns, expected);
+    run.topic = Some("/joint_states".to_owned());
+    let text = proposal(&[run], &[found], true).unwrap();
+    assert!(
+        text.contains("elbow: {column: /joint_states/elbow/position}"),
+        "{text}"
+    );
+    assert!(text.contains(", topic: /joint_states}"), "{text}");
+}

@@ -21,7 +21,8 @@ predicts how well each base parameter will be determined: its standard deviation
 at the noise of the efforts, in percent of the nominal value if the spec has
 one; parameters that affect no effort; and which motion of which joint would
 determine more. Without --butterworth, --local, --fourier or an experiment file,
-the proposed filter is used.
+the proposed filter is used. Where gains of drives are not known, there are no
+percentages; runs with a payload are predicted only if all carry one.
 
 --out writes these facts as a first experiment file for `regen identify`.
 

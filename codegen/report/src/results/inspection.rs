@@ -270,6 +270,9 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
         }
     }
     out.push('\n');
+    for note in &found.notes {
+        out.push_str(&item(note));
+    }
     out.push_str(&paragraph(
         "The noise is that of the efforts at high frequencies. Errors of the model come on top.",
     ));

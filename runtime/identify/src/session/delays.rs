@@ -102,6 +102,19 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[Run],
 ) -> Result<Vec<(String, f64)>, SessionError> {
+    settled_delays_within(session, logs, MAX_ROUNDS)
+}
+
+/// As [`settled_delays`], with at most so many rounds: where the model lacks what looks like a delay,
+/// more of them cost time and settle nothing.
+///
+/// # Errors
+/// As [`settled_delays`].
+pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &[Run],
+    rounds: usize,
+) -> Result<Vec<(String, f64)>, SessionError> {
     if session.kind != EquationKind::Forces {
         return Err(SessionError::DelaysFromEnergyBalance);
     }
@@ -119,7 +132,7 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     };
     let given = session.reading.delays.clone();
     let mut searches: Vec<Search> = Vec::new();
-    for _ in 0..MAX_ROUNDS {
+    for _ in 0..rounds {
         let mut moves = false;
         for (residual, delay) in round(&session, &options, logs)? {
             let known = searches.iter().position(|own| own.effort == delay.effort);
