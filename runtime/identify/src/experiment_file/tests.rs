@@ -329,7 +329,10 @@ fn columns_that_contradict_each_other_are_refused() {
         ("columns: {q*: 3..5}", "3 columns for 2 coordinates: q1 q2"),
         ("columns: {q**: 'a*'}", "a pattern has one `*`"),
         ("columns: {q1: [2, 3]}", "2 columns for 1 coordinates"),
-        ("columns: {q*: [2, 3..4, 5, 6]}", "a column's name, its number"),
+        (
+            "columns: {q*: [2, 3..4, 5, 6]}",
+            "a column's name, its number",
+        ),
         ("time: [1, 2]", "the time is in one column"),
         (
             "columns: {q1: {column: a, factor: [1, 2]}}",
