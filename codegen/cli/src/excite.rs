@@ -92,6 +92,19 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
         }
         Format::Human => excited_text(&trajectory, &found),
     })?;
+    for (name, part) in found.slow() {
+        let remedy = match settings.criterion {
+            Criterion::ScaledCondition => {
+                "; scaled columns do not depend on how far joints move, --criterion determinant does"
+            }
+            _ => "",
+        };
+        terminal::note(&format!(
+            "note: {name} comes to {} % of its limits of velocity, so that noise may hide what it \
+             shows{remedy}",
+            table::figure_of(2, 100.0 * part)
+        ));
+    }
     match &args.out {
         Some(out) if interrupted => Err(Failure::Interrupted(format!(
             "interrupted: the best so far is written to {}",

@@ -60,6 +60,19 @@ impl fmt::Display for Limit {
 }
 
 impl Limit {
+    /// A limit of a coordinate for tests.
+    #[cfg(test)]
+    pub(super) fn of(quantity: Quantity, name: &str, upper: bool) -> Self {
+        Self {
+            quantity,
+            name: name.to_owned(),
+            bound: 1.0,
+            upper,
+            at: 0,
+            size: 1.0,
+        }
+    }
+
     /// The index of the coordinate, the actuated joint or the swing limit.
     pub(super) fn index(&self) -> usize {
         self.at

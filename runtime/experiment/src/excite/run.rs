@@ -11,7 +11,7 @@ use super::evaluate::{Number, Problem};
 use super::limits::limits;
 use super::search::{Search, Stage};
 use super::space::{Row, Space};
-use super::{ExciteError, Limit, Settings};
+use super::{ExciteError, Limit, Quantity, Settings};
 use crate::trajectory::Trajectory;
 use regen_batch::TrajectoryClosure;
 use regen_identify::signals::Fourier;
@@ -55,7 +55,30 @@ impl Excitation {
         ]);
         Trajectory::new(info, &self.series, figures)
     }
+
+    /// The coordinates that come to less than a tenth of their limits of velocity in both directions,
+    /// each with the largest part of them that it uses.
+    ///
+    /// The scaled condition number (Eq. 27) does not depend on how far a joint moves, so that a trajectory
+    /// that hardly moves one may have the smallest; noise then hides what it shows.
+    pub fn slow(&self) -> Vec<(&str, f64)> {
+        let mut used: Vec<(&str, f64)> = Vec::new();
+        let velocities = self.margins.iter();
+        for margin in velocities.filter(|margin| margin.limit.quantity == Quantity::Velocity) {
+            let part = 1.0 - margin.relative_distance;
+            let name = margin.limit.name.as_str();
+            match used.iter_mut().find(|(own, _)| *own == name) {
+                Some((_, most)) => *most = most.max(part),
+                None => used.push((name, part)),
+            }
+        }
+        used.retain(|(_, part)| *part < SLOW_PART);
+        used
+    }
 }
+
+/// The part of its limits of velocity below which a coordinate is slow.
+const SLOW_PART: f64 = 0.1;
 
 /// The result of a search.
 #[derive(Clone, Debug, PartialEq)]
@@ -483,5 +506,43 @@ where
         let of = self.settings.starts * Search::<M, D>::stages() * self.settings.steps;
         let best = self.best.lock().map_or(None, |best| *best);
         (self.watch.report)(Progress { done, of, best });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn coordinates_that_hardly_use_their_velocity_are_named() {
+        let margin = |name: &str, quantity, upper, relative_distance| Margin {
+            limit: Limit::of(quantity, name, upper),
+            relative_distance,
+            time: 0.0,
+        };
+        let velocity = Quantity::Velocity;
+        let found = Excitation {
+            series: Fourier::of_positions(0.5, &[(0.0, vec![1.0], vec![0.0])]).unwrap(),
+            figures: Figures {
+                scaled_condition: 1.0,
+                condition: 1.0,
+                determinant: 0.0,
+                smallest_singular: 1.0,
+            },
+            margins: vec![
+                margin("a", velocity, true, 0.95),
+                margin("a", velocity, false, 0.97),
+                margin("b", velocity, true, 0.95),
+                margin("b", velocity, false, 0.4),
+                margin("c", Quantity::Position, true, 0.99),
+            ],
+            start: 0,
+        };
+        let slow = found.slow();
+        assert_eq!(slow.len(), 1);
+        assert_eq!(slow[0].0, "a");
+        assert!((slow[0].1 - 0.05).abs() < 1e-12);
     }
 }
