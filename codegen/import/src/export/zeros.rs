@@ -47,13 +47,11 @@ impl Zeros {
     /// - `value`: the value of the spec's coordinate.
     pub(super) fn in_file(&self, model: &Model, name: &str, value: &dyn Fn(usize) -> f64) -> f64 {
         let place = model.coordinates.iter().position(|c| c.name == name);
-        match place {
-            Some(k) => value(k) + self.shifts.get(k).copied().unwrap_or(0.0),
-            None => {
-                let own = self.locked.iter().find(|(own, _)| own == name);
-                own.map_or(0.0, |(_, value)| *value)
-            }
+        if let Some(k) = place {
+            return value(k) + self.shifts.get(k).copied().unwrap_or(0.0);
         }
+        let own = self.locked.iter().find(|(own, _)| own == name);
+        own.map_or(0.0, |(_, value)| *value)
     }
 }
 

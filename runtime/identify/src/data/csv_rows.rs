@@ -215,12 +215,11 @@ fn divide_at_blanks(line: &[u8], written: &Written, entries: &mut Vec<Entry>) {
         };
         begin += blanks;
         let rest = rest.get(blanks..).unwrap_or_default();
-        let (number, length) = match written.leading_number(rest) {
-            Some((number, length)) => (Some(number), length),
-            None => {
-                let end = rest.iter().position(u8::is_ascii_whitespace);
-                (None, end.unwrap_or(rest.len()))
-            }
+        let (number, length) = if let Some((number, length)) = written.leading_number(rest) {
+            (Some(number), length)
+        } else {
+            let end = rest.iter().position(u8::is_ascii_whitespace);
+            (None, end.unwrap_or(rest.len()))
         };
         begin += length;
         entries.push(Entry { end: begin, number });
