@@ -269,7 +269,7 @@ impl From<DataError> for Failure {
                     Fault::Duplicate { .. } => true,
                     _ => false,
                 };
-                let gaps = problems.first.iter().filter_map(|p| match p.what {
+                let mut gaps = problems.first.iter().rev().filter_map(|p| match p.what {
                     Fault::Gap { usual, .. } => Some(usual),
                     _ => None,
                 });
@@ -277,7 +277,7 @@ impl From<DataError> for Failure {
                 let is_clock = problems.first.iter().all(|p| is_of_clock(&p.what))
                     && (problems.counts.iter())
                         .all(|(kind, _)| clock_kinds.contains(&kind.as_str()));
-                match gaps.last().filter(|_| is_clock) {
+                match gaps.next().filter(|_| is_clock) {
                     Some(usual) => Self::Input(format!(
                         "{error}  the steps of time are uneven: interpolate onto an even grid with \
                          --resample {}{}; or, if all other steps are equal, leave the rows out with \

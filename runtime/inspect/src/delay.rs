@@ -1,8 +1,7 @@
 //! The delays of efforts behind their motion, by the robot's own equations of motion.
 
 use regen_identify::data::{Run, Settings};
-use regen_identify::identify::identify;
-use regen_identify::session::{Session, settled_delays_within};
+use regen_identify::session::{Session, identified, settled_delays_within};
 use regen_identify::signals::Method;
 use regen_runtime::BaseModel;
 
@@ -103,6 +102,9 @@ pub fn delays_by_model<M: BaseModel<f64> + ?Sized>(
             Some((name, [seconds, sigma.hypot(seconds - first)]))
         })
         .collect();
+    if together.is_empty() {
+        return;
+    }
     for log in logs {
         let before = late_sentence(log);
         log.notes.retain(|note| Some(note) != before.as_ref());
@@ -124,7 +126,8 @@ pub fn delays_by_model<M: BaseModel<f64> + ?Sized>(
 /// The first rows of a run.
 fn beginning(run: &Run, log: &LogFacts, most: usize) -> Run {
     let mut run = run.clone();
-    if log.rows > most {
+    // of times that are asked for, the first rows of the file may have none
+    if log.rows > most && run.times.is_none() {
         let (first, last) = run.rows.unwrap_or((1, u64::MAX));
         run.rows = Some((first, last.min(first + most as u64 - 1)));
     }
@@ -166,7 +169,7 @@ fn found<M: BaseModel<f64> + ?Sized>(
     // with these corrected, what is left is small, so that its standard deviation holds
     let corrected = with(settled);
     let mut opened = corrected.open(runs).ok()?;
-    let left = identify(session.model, session.kind, &session.options, &mut opened).ok()?;
+    let left = identified(&corrected, &session.options, &mut opened).ok()?;
     let of_effort = left.delays.efforts.into_iter().map(|own| {
         let settled = corrected.reading.delays.iter();
         let settled = settled.filter(|(name, _)| *name == own.effort);

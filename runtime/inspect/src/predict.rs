@@ -330,7 +330,13 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             let density = found
                 .map_or(0.0, |s| s.floor)
                 .max(2.0 * between * least * least);
-            let density = if low < high { density } else { 0.0 };
+            // an independent coordinate without a motor has an equation whose effort is 0
+            let is_measured = info.actuated.contains(c);
+            let density = if low < high || !is_measured {
+                density
+            } else {
+                0.0
+            };
             EffortNoise {
                 name: info.coordinates.get(*c).map_or("", |n| n).to_owned(),
                 density,

@@ -212,6 +212,7 @@ fn by_name(known: &Known<'_>, k: usize) -> Judged {
             for (prefix, role) in prefixes {
                 if title.strip_prefix(prefix) == Some(name.as_str()) {
                     out.role = role;
+                    out.meaning.is_unused = false;
                 }
             }
         }

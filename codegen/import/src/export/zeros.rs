@@ -37,6 +37,8 @@ impl Zeros {
         let has_own_frames = comparison.run(&mut found).is_none();
         if has_own_frames {
             found.shifts.fill(0.0);
+            let locked = found.locked.drain(..).map(|(name, _)| name);
+            found.unknown.extend(locked);
         }
         found
     }
@@ -140,9 +142,25 @@ impl Comparison<'_> {
             along(joint.kind, axis, &by)
         };
         match pairs.as_slice() {
+            // of two locked joints without a body between, each may be at any value
+            [] if self.is_before_locked(index) => None,
             [] => Some(0.0),
             pairs => pairs.iter().find_map(moved),
         }
+    }
+
+    /// Whether a joint without a coordinate in the spec is directly behind a link.
+    fn is_before_locked(&self, index: usize) -> bool {
+        let behind = self
+            .tree
+            .links
+            .iter()
+            .filter(|link| link.parent == Some(index));
+        let mut joints = behind.flat_map(|link| &link.joints);
+        joints.any(|joint| {
+            self.name(joint)
+                .is_some_and(|name| self.coordinate(name).is_none())
+        })
     }
 
     /// The poses, in the file and in the spec, of the frames that move rigidly with a link: first those

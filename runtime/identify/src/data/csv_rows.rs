@@ -146,7 +146,7 @@ impl<'a> CsvRows<'a> {
                 let spare = core::mem::take(&mut self.spare);
                 let (wanted, written) = (&self.wanted, self.written);
                 let mut values = numbers(wanted, written, [expected, count], entry, number, spare);
-                let last = entry(count - 1).unwrap_or_default();
+                let last = count.checked_sub(1).and_then(entry).unwrap_or_default();
                 if self.last_column.is_cut(last, self.table, place.byte) && values.is_ok() {
                     values = Err(self.table.cut_problem(last));
                 }

@@ -425,12 +425,15 @@ fn noisy(
     };
     let of_positions = layout.velocities.iter().map(Option::is_none);
     let encoders = log.encoders.iter().zip(of_positions).zip(squares);
+    if rows == 0 {
+        return Ok(Vec::new());
+    }
     let is_noisy = |(encoder, square): (&Encoder, &f64)| {
         let noise = match gain {
             Some(gain) => gain * encoder.noise,
             None => encoder.acceleration_noise(step),
         };
-        noise * noise > NOISE_PART * square / rows.max(1) as f64
+        !encoder.still && noise * noise > NOISE_PART * square / rows as f64
     };
     let found = layout.measured.iter().zip(encoders);
     let found = found.filter(|(_, ((encoder, own), square))| *own && is_noisy((encoder, square)));

@@ -169,6 +169,13 @@ impl Start {
             return first;
         };
         let before = rows.get(..data).unwrap_or_default();
+        // names and units may have an empty line between them, where nothing else is before the numbers
+        let are_all_names = before
+            .iter()
+            .all(|row| of_table(row) && !row.percent && !row.is_filled_up());
+        if are_all_names {
+            return first;
+        }
         // the rows of text directly before the numbers, the last one first
         let mut block: Vec<usize> = Vec::new();
         for (k, row) in before.iter().enumerate().rev() {
@@ -192,8 +199,13 @@ impl Start {
             None if header == Header::None && !before.iter().any(of_table) => data,
             None => 0,
         };
-        let passed = rows.get(..=row).unwrap_or_default();
-        let comment = if passed.iter().any(|row| row.percent) {
+        // a name such as `%time` is no comment, and `#` stays the first byte of those behind it
+        let is_comment = |(k, own): (usize, &Row)| {
+            let is_name = k == row && own.cells.first().is_some_and(|cell| cell.starts_with('%'));
+            own.percent && !is_name
+        };
+        let mut passed = rows.iter().enumerate().take(row + 1);
+        let comment = if passed.any(is_comment) {
             PERCENT
         } else {
             COMMENT

@@ -2,10 +2,11 @@
 
 use regen_runtime::BaseModel;
 
-use super::{Session, SessionError};
-use crate::data::Run;
+use super::{MonitoredLogs, Session, SessionError};
+use crate::data::{DataError, Run};
+use crate::estimate::EstimateError;
 use crate::friction::{nonlinear_joints, with_linear_friction};
-use crate::identify::{self, Delay, EquationKind, Options};
+use crate::identify::{self, Delay, EquationKind, Identified, Options};
 
 /// The largest number of rounds of correcting delays; usually three suffice.
 const MAX_ROUNDS: usize = 10;
@@ -27,7 +28,7 @@ struct Search {
     best: f64,
     /// The standard deviation of the residuals at the first delay.
     first: f64,
-    /// What was left at the delay that was tried last, s, with its standard deviation.
+    /// What is left at the best delay, s, with its standard deviation.
     left: (f64, f64),
     is_done: bool,
 }
@@ -43,7 +44,6 @@ impl Search {
         (correction, sigma): (f64, f64),
         is_worth_it: bool,
     ) -> bool {
-        self.left = (correction, sigma);
         if residual > self.first * (1.0 + SLACK) {
             self.tried = 0.5 * (self.tried + self.best);
             if (self.tried - self.best).abs() <= MIN_DEVIATIONS * sigma {
@@ -53,6 +53,7 @@ impl Search {
             return true;
         }
         self.best = self.tried;
+        self.left = (correction, sigma);
         if self.is_done || !is_worth_it {
             return false;
         }
@@ -175,6 +176,27 @@ pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
     Ok(session.reading.delays)
 }
 
+/// Identifies base parameters with the delays of the efforts from the equations of motion, as
+/// [`identify`](identify::identify) does, with linear friction at the joints whose friction is nonlinear.
+/// There are no delays where the logs do not determine these.
+///
+/// # Errors
+/// As [`identify`](identify::identify).
+pub fn identified<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    options: &Options,
+    logs: &mut MonitoredLogs<'_, M>,
+) -> Result<Identified, SessionError> {
+    if !nonlinear_joints(session.model).is_empty() {
+        match with_linear_friction(session.model, options, logs) {
+            Err(DataError::Estimate(EstimateError::Undetermined { .. })) => {}
+            found => return Ok(found?),
+        }
+    }
+    let forces = EquationKind::Forces;
+    Ok(identify::identify(session.model, forces, options, logs)?)
+}
+
 /// The standard deviation of the residuals of each effort, and its delay, from logs as the session
 /// reads them.
 fn round<M: BaseModel<f64> + ?Sized>(
@@ -183,11 +205,7 @@ fn round<M: BaseModel<f64> + ?Sized>(
     logs: &[Run],
 ) -> Result<Vec<(f64, Delay)>, SessionError> {
     let mut opened = session.open(logs)?;
-    let found = if nonlinear_joints(session.model).is_empty() {
-        identify::identify(session.model, session.kind, options, &mut opened)?
-    } else {
-        with_linear_friction(session.model, options, &mut opened)?
-    };
+    let found = identified(session, options, &mut opened)?;
     let efforts = found.delays.efforts.into_iter().map(|delay| {
         let mut fits = found.estimate.efforts.iter();
         let fit = fits.find(|own| own.name == delay.effort);

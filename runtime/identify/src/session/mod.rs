@@ -24,7 +24,7 @@ use crate::identify::{EquationKind, Options};
 
 pub use compare::{LogError, compare, residuals_of};
 pub use cross::{CrossValidation, cross};
-pub use delays::{settled_delays, settled_delays_within};
+pub use delays::{identified, settled_delays, settled_delays_within};
 pub use error::SessionError;
 pub use knowledge::{NominalTrust, PriorKnowledge};
 pub use loads::{LoadedFits, gain_options, loaded_residuals, with_gains};

@@ -85,8 +85,8 @@ pub fn noisy_accelerations(reports: &[FileReport]) -> Option<String> {
     (!names.is_empty()).then(|| {
         format!(
             "warning: the accelerations of these coordinates are noise of their positions for the most \
-             part, so that inertia is found too small: {}. Filter the logs, --butterworth ORDER,CUTOFF; \
-             `regen inspect` proposes a cutoff",
+             part, so that inertia is found too small: {}. Filter the logs, --butterworth ORDER,CUTOFF, with a \
+             lower cutoff than now; `regen inspect` proposes one",
             names.join("; ")
         )
     })
