@@ -30,7 +30,8 @@ pub struct EffortNoise {
     /// The effort's name.
     pub name: String,
     /// The density of the noise at high frequencies, (N m)^2/Hz or N^2/Hz; 0 of an effort that never
-    /// changes, which is taken as not measured.
+    /// changes, which is taken as not measured; of a coordinate without a motor that of the noisiest
+    /// effort.
     pub density: f64,
     /// Its standard deviation at the rate of the rows, N m or N.
     pub sigma: f64,
@@ -319,7 +320,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         },
     )?;
     let between = Some(median(&steps)).filter(|s| *s > 0.0).unwrap_or(step);
-    let noise: Vec<EffortNoise> = info
+    let mut noise: Vec<EffortNoise> = info
         .independent
         .iter()
         .zip(welches)
@@ -330,13 +331,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             let density = found
                 .map_or(0.0, |s| s.floor)
                 .max(2.0 * between * least * least);
-            // an independent coordinate without a motor has an equation whose effort is 0
-            let is_measured = info.actuated.contains(c);
-            let density = if low < high || !is_measured {
-                density
-            } else {
-                0.0
-            };
+            let density = if low < high { density } else { 0.0 };
             EffortNoise {
                 name: info.coordinates.get(*c).map_or("", |n| n).to_owned(),
                 density,
@@ -345,6 +340,17 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             }
         })
         .collect();
+    // the effort of a coordinate without a motor is 0, and what is left in its equation not known before
+    let largest = noise
+        .iter()
+        .fold(0.0, |most: f64, own| most.max(own.density));
+    for (own, c) in noise.iter_mut().zip(info.independent) {
+        if own.density <= 0.0 && !info.actuated.contains(c) {
+            own.density = largest;
+            own.sigma = (0.5 * largest / between).sqrt();
+            own.flat = true;
+        }
+    }
     let decimated = between * filtering.samples_between(between) as f64;
     // half the rate of the equations, or the noise bandwidth of the filter if it is larger
     let band = match filtering.smoothing {
