@@ -110,7 +110,9 @@ const LOGS: [Mistake; 23] = [
     (
         "blanks in names between blanks",
         |l| {
-            l.iter_mut().for_each(|row| *row = row.replace(',', " "));
+            for row in l.iter_mut() {
+                *row = row.replace(',', " ");
+            }
             l[0] = l[0].replace(' ', " [si] ");
         },
         &[],

@@ -455,7 +455,7 @@ fn a_joint_that_stands_still_is_told_once_and_hides_no_period() {
         })
         .collect();
     let header = "t,a,b,qd_a,qd_b,tau_a,tau_b";
-    let found = of_lines("still", header, rows.len(), |k| rows[k].clone());
+    let found = of_lines("standing", header, rows.len(), |k| rows[k].clone());
     let of_b: Vec<&String> = found.notes.iter().filter(|n| n.contains('b')).collect();
     assert_eq!(of_b, ["`b` never moves"], "{:?}", found.notes);
     let period = found.period.unwrap();
