@@ -36,7 +36,7 @@ pub struct FileReport {
     pub velocities: bool,
     /// The names of the measured coordinates that do not move, or by no more than their noise.
     pub still: Vec<String>,
-    /// The names of the coordinates of whose squared accelerations in the last pass at least half is
+    /// The names of the coordinates of whose squared accelerations in the last pass at least 95 % are
     /// noise of their positions; none where accelerations are not computed from positions.
     pub noisy: Vec<String>,
     /// The first and the last time of the log, s, where the times that are asked for leave out none
@@ -63,8 +63,9 @@ pub(super) struct Log {
 /// The largest number of rows on either side that a filter may need, as a window with them is held
 /// in memory.
 const MAX_SUPPORT_ROWS: usize = 1_000_000;
-/// The part of the squared accelerations of a coordinate from which on their noise is told.
-const NOISE_PART: f64 = 0.5;
+/// The part of the squared accelerations of a coordinate from which on their noise is told: inertia that
+/// acts through them is then found twenty times too small.
+const NOISE_PART: f64 = 0.95;
 /// The part of a coordinate's rms speed below which it may stick; a swing spends one part in forty of
 /// its time there.
 const STICKING_PART: f64 = 0.05;

@@ -64,8 +64,8 @@ pub fn unexplained(errors: &[EffortError], has_friction: bool) -> Option<String>
     })
 }
 
-/// The warning about runs whose accelerations are noise of the positions for the most part: parameters
-/// that act through them are then too small. `None` without such runs.
+/// The warning about runs whose accelerations are nearly all noise of the positions: parameters that act
+/// through them are then far too small. `None` without such runs.
 ///
 /// ```
 /// use regen_identify::data::FileReport;
@@ -84,9 +84,9 @@ pub fn noisy_accelerations(reports: &[FileReport]) -> Option<String> {
         .collect();
     (!names.is_empty()).then(|| {
         format!(
-            "warning: the accelerations of these coordinates are noise of their positions for the most \
-             part, so that inertia is found too small: {}. Filter the logs, --butterworth ORDER,CUTOFF, with a \
-             lower cutoff than now; `regen inspect` proposes one",
+            "warning: the accelerations of these coordinates are nearly all noise of their positions, so \
+             that inertia is found far too small: {}. Filter the logs, --butterworth ORDER,CUTOFF, and lower \
+             than now; `regen inspect` proposes a filter",
             names.join("; ")
         )
     })
