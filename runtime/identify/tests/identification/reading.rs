@@ -408,3 +408,35 @@ fn a_joint_that_sticks_before_it_turns_counts_as_resting_there() {
     assert!(creeping > 0.75, "{creeping}");
     assert!(moving < 0.08, "{moving}");
 }
+
+#[test]
+fn accelerations_that_are_nearly_all_noise_are_named_and_those_behind_a_filter_are_not() {
+    let mut state = 3_u64;
+    let mut text = "t,q1,tau_q1\n".to_owned();
+    for t in times(3000) {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        let noise = 0.02 * ((state >> 33) as f64 / 2_f64.powi(31) - 0.5);
+        let [q, _, tau] = at(t);
+        writeln!(text, "{t},{},{tau}", q + noise).unwrap();
+    }
+    let path = write("noisy", "noisy.csv", &text);
+    let noisy = |method: Method| {
+        let settings = Settings {
+            method,
+            ..Settings::default()
+        };
+        let runs = [Run::from(path.clone())];
+        let mut logs = Logs::open(&Pendulum, &runs, &settings).unwrap();
+        logs.visit(&mut |_| Ok(())).unwrap();
+        logs.reports()[0].noisy.clone()
+    };
+    // a deviation of 6 mrad at 100 rows a second: 140 rad/s^2 beside a motion of 15 rad/s^2
+    assert_eq!(noisy(Method::Central), ["q1"]);
+    let filter = Method::Butterworth {
+        order: 4,
+        cutoff: 4.0,
+    };
+    assert_eq!(noisy(filter), [""; 0]);
+}
