@@ -282,16 +282,18 @@ fn nonlinear_friction_is_scored_against_the_simulated_one() {
     assert_eq!(json["failed"], Value::Array(vec![]));
     let rows = json["parameters"].as_array().unwrap();
     let of = |value: &Value, key: &str| value[key].as_f64().unwrap();
-    for (label, nominal, error) in [
-        ("Fc(x)", 2.0, 0.1),
-        ("Fv(x)", 3.0, 0.1),
-        ("delta(x)", 0.5, 0.2),
+    for (label, nominal) in [
+        ("Fc+(x)", 2.0),
+        ("Fc-(x)", 2.0),
+        ("Fv(x)", 3.0),
+        ("delta(x)", 0.5),
     ] {
         let row = rows.iter().find(|row| row["label"] == label).unwrap();
         let truth = of(row, "truth");
         assert!((truth / nominal - 1.0).abs() <= 0.1, "{row}");
-        assert!((of(row, "mean") / truth - 1.0).abs() < error, "{row}");
-        assert!(of(row, "sigma") > 0.0, "{row}");
+        // Coulomb friction and a power of the velocity are hardly told apart
+        let error = (of(row, "mean") - truth).abs();
+        assert!(error < 3.0 * of(row, "sigma"), "{row}");
     }
     // the true model has the friction too: what it leaves is noise and what the filter does
     let [ours, exact] = ["relative_absolute", "relative_absolute_of_truth"].map(|k| of(&json, k));

@@ -9,9 +9,7 @@ use super::reader::LogRow;
 use super::replaced::ReplacedRows;
 use super::stretch::Stretch;
 use crate::estimate::{EstimateError, QrFactor};
-use crate::identify::{
-    ChangedEfforts, ChangedParameters, Completed, Completion, MotionSeries, depends_on_direction,
-};
+use crate::identify::{ChangedEfforts, ChangedParameters, Completed, Completion, MotionSeries};
 use crate::signals::{Derivatives, Method, SignalError, differences};
 use regen_runtime::BaseModel;
 
@@ -198,12 +196,6 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             let Completed::State(b) = completions.other.complete(&q, &qd, &qdd)? else {
                 continue;
             };
-            // nor where that of a coordinate is not sure that follows measured ones
-            let pairs = a.qd.iter().zip(&b.qd).zip(self.model.info().joints);
-            let mut rubbing = pairs.filter(|(_, joint)| depends_on_direction(joint));
-            if rubbing.any(|((a, b), _)| a * b < 0.0) {
-                continue;
-            }
             let model = self.model;
             let conditions = [
                 model.base_regressor(&a.q, &a.qd, &a.qdd, &mut w)?,
