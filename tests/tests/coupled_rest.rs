@@ -36,14 +36,21 @@ fn rate(t: f64) -> f64 {
     0.6 * (2.0 * t).cos()
 }
 
-/// A log of two coordinates that turn one way only, at 1 rad/s and at that of p more.
-fn log(name: &str, second: &str) -> PathBuf {
+/// The position and the velocity of q1 at a speed, which changes a little: a straight line looks like the steps
+/// of an encoder.
+fn first(speed: f64, t: f64) -> [f64; 2] {
+    let slow = 0.7 * t;
+    [speed * t + 0.05 * slow.sin(), speed + 0.035 * slow.cos()]
+}
+
+/// A log of q1 and of p, or of q2, which is the sum of both.
+fn log(name: &str, second: &str, speed: f64) -> PathBuf {
     let mut text = format!("t,q1,{second},tau_q1,tau_q2\n");
     for k in 0..800 {
         let t = 0.01 * f64::from(k);
-        let p = 0.3 * (2.0 * t).sin();
-        let other = if second == "p" { p } else { t + p };
-        writeln!(text, "{t:.2},{t},{other},{},{}", t.cos(), p).unwrap();
+        let (q1, p) = (first(speed, t)[0], 0.3 * (2.0 * t).sin());
+        let other = if second == "p" { p } else { q1 + p };
+        writeln!(text, "{t:.2},{q1},{other},{},{p}", t.cos()).unwrap();
     }
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::write(&path, text).unwrap();
@@ -78,7 +85,7 @@ fn rows(spec: &str, log: PathBuf) -> Vec<(f64, Vec<bool>, Vec<bool>)> {
 
 #[test]
 fn a_coupled_joint_rests_where_it_reverses_and_its_equations_are_left_out() {
-    let found = rows(BELT, log("belt.csv", "q2"));
+    let found = rows(BELT, log("belt.csv", "q2", 1.0));
     let mut rested = 0;
     for (t, rests, used) in &found {
         let [q1, p, q2] = rests[..] else { panic!() };
@@ -100,7 +107,7 @@ fn a_coupled_joint_rests_where_it_reverses_and_its_equations_are_left_out() {
 #[test]
 fn without_friction_no_coupled_joint_rests() {
     let bare = BELT.replace(", friction: coulomb", "");
-    for (_, rests, used) in rows(&bare, log("belt_bare.csv", "q2")) {
+    for (_, rests, used) in rows(&bare, log("belt_bare.csv", "q2", 1.0)) {
         assert!(!rests.contains(&true) && used == [true; 2]);
     }
 }
@@ -113,16 +120,19 @@ fn a_motor_rests_by_the_positions_of_the_joints() {
         "rotor_inertia: true}",
         "rotor_inertia: true, friction: coulomb}",
     );
-    // q2 = q1 + p turns one way only
-    for (t, rests, used) in rows(&motor, log("belt_motor.csv", "p")) {
-        assert!(!rests[2] && used == [true; 2], "{t}");
+    for (t, rests, _) in rows(&motor, log("belt_fast.csv", "p", 1.0)) {
+        assert!(!rests[2], "{t}");
     }
-    let reversed = motor.replace("p: q2 - q1", "p: q1 + q2");
-    // q2 = p - q1 too, but as fast as p at most where q1 stands still
-    for (t, rests, _) in rows(&reversed, log("belt_reversed.csv", "p")) {
-        let slow = (rate(t) - 1.0).abs();
-        if !(0.05..0.07).contains(&slow) {
-            assert_eq!(rests[2], slow < 0.05, "{t}");
+    // at this speed it reverses
+    let mut rested = 0;
+    for (t, rests, used) in rows(&motor, log("belt_motor.csv", "p", 0.3)) {
+        let slow = (first(0.3, t)[1] + rate(t)).abs();
+        rested += usize::from(rests[2]);
+        // a twentieth of the root of 0.09 and 0.18 is 0.026, and derivatives mix 0.03 s at 1.2 rad/s^2
+        if !(0.02..0.06).contains(&slow) {
+            assert_eq!(rests[2], slow < 0.02, "{t}");
         }
+        assert_eq!(used, [true, !rests[2]], "{t}");
     }
+    assert!(rested > 10, "{rested}");
 }
