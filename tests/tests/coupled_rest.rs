@@ -33,14 +33,14 @@ bodies:
 
 /// The velocity of p.
 fn rate(t: f64) -> f64 {
-    0.6 * (2.0 * t).cos()
+    0.3 * (2.0 * t).cos()
 }
 
-/// The position and the velocity of q1 at a speed, which changes a little: a straight line looks like the steps
-/// of an encoder.
+/// The position and the velocity of q1 at a mean speed: a straight line would look like the steps of an
+/// encoder.
 fn first(speed: f64, t: f64) -> [f64; 2] {
-    let slow = 0.7 * t;
-    [speed * t + 0.05 * slow.sin(), speed + 0.035 * slow.cos()]
+    let (s, c) = (1.3 * t).sin_cos();
+    [speed * (t + 0.4 * s), speed * (1.0 + 0.52 * c)]
 }
 
 /// A log of q1 and of p, or of q2, which is the sum of both.
@@ -48,7 +48,7 @@ fn log(name: &str, second: &str, speed: f64) -> PathBuf {
     let mut text = format!("t,q1,{second},tau_q1,tau_q2\n");
     for k in 0..800 {
         let t = 0.01 * f64::from(k);
-        let (q1, p) = (first(speed, t)[0], 0.3 * (2.0 * t).sin());
+        let (q1, p) = (first(speed, t)[0], 0.15 * (2.0 * t).sin());
         let other = if second == "p" { p } else { q1 + p };
         writeln!(text, "{t:.2},{q1},{other},{},{p}", t.cos()).unwrap();
     }
@@ -91,17 +91,17 @@ fn a_coupled_joint_rests_where_it_reverses_and_its_equations_are_left_out() {
         let [q1, p, q2] = rests[..] else { panic!() };
         assert!(!q1 && !q2, "{t}");
         rested += usize::from(p);
-        // a twentieth of the root of 1 and 1.18, the mean squares of both measured velocities, is 0.074
+        // a twentieth of the root of 1.14 and 1.18, the mean squares of both measured velocities, is 0.076
         if rate(*t).abs() < 0.07 {
             assert!(p, "{t}");
-        } else if rate(*t).abs() > 0.08 {
+        } else if rate(*t).abs() > 0.085 {
             assert!(!p, "{t}");
         }
         // its friction acts on both
         assert_eq!(used, &[!p, !p], "{t}");
     }
-    // five reversals, at each a change of the velocity by 0.15 rad/s at 1.2 rad/s^2
-    assert!((50..80).contains(&rested), "{rested}");
+    // five reversals, at each a change of the velocity by 0.15 rad/s at 0.6 rad/s^2
+    assert!((100..150).contains(&rested), "{rested}");
 }
 
 #[test]
@@ -128,9 +128,9 @@ fn a_motor_rests_by_the_positions_of_the_joints() {
     for (t, rests, used) in rows(&motor, log("belt_motor.csv", "p", 0.3)) {
         let slow = (first(0.3, t)[1] + rate(t)).abs();
         rested += usize::from(rests[2]);
-        // a twentieth of the root of 0.09 and 0.18 is 0.026, and derivatives mix 0.03 s at 1.2 rad/s^2
-        if !(0.02..0.06).contains(&slow) {
-            assert_eq!(rests[2], slow < 0.02, "{t}");
+        // a twentieth of the root of 0.10 and 0.045 is 0.019, and derivatives mix 0.03 s at 0.8 rad/s^2
+        if !(0.015..0.03).contains(&slow) {
+            assert_eq!(rests[2], slow < 0.015, "{t}");
         }
         assert_eq!(used, [true, !rests[2]], "{t}");
     }
