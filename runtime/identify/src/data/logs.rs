@@ -415,7 +415,7 @@ fn noisy(
     rows: usize,
 ) -> Result<Vec<usize>, DataError> {
     let layout = &log.file.layout;
-    if layout.derivatives || log.series.is_some() || settings.period.is_some() {
+    if rows == 0 || layout.derivatives || log.series.is_some() || settings.period.is_some() {
         return Ok(Vec::new());
     }
     let step = log.survey.time_step();
@@ -426,9 +426,6 @@ fn noisy(
     };
     let of_positions = layout.velocities.iter().map(Option::is_none);
     let encoders = log.encoders.iter().zip(of_positions).zip(squares);
-    if rows == 0 {
-        return Ok(Vec::new());
-    }
     let is_noisy = |(encoder, square): (&Encoder, &f64)| {
         let noise = match gain {
             Some(gain) => gain * encoder.noise,
