@@ -43,6 +43,21 @@ pub(super) const ENTRIES: [&[(usize, f64)]; 10] = [
     &[(9, 1.0)],
 ];
 
+/// Each entry of the upper triangle of [`functional`] as a combination of the ten factors: their
+/// indices and factors.
+pub(super) const FUNCTIONAL: [&[(usize, f64)]; 10] = [
+    &[(3, 1.0), (5, 1.0)],
+    &[(1, -0.5)],
+    &[(0, 1.0), (5, 1.0)],
+    &[(2, -0.5)],
+    &[(4, -0.5)],
+    &[(0, 1.0), (3, 1.0)],
+    &[(6, 0.5)],
+    &[(7, 0.5)],
+    &[(8, 0.5)],
+    &[(9, 1.0)],
+];
+
 /// The exponents of a length in the ten parameters' units: kg m^2, kg m, kg.
 pub(super) const LENGTHS: [i32; 10] = [2, 2, 2, 2, 2, 2, 1, 1, 1, 0];
 

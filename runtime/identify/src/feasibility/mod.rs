@@ -21,6 +21,7 @@ mod inertia;
 mod interior;
 mod known;
 mod layout;
+mod least_defect;
 mod normal;
 mod options;
 mod output;

@@ -58,7 +58,12 @@ impl Program {
         self.squares.push((residual, 1.0));
         let mut equal = expression.clone();
         equal.terms.push((residual, -1.0));
-        self.cone(Cone::ZeroConeT(1), &[equal]);
+        self.zero(&equal);
+    }
+
+    /// Requires that the expression is zero.
+    pub(super) fn zero(&mut self, expression: &Affine) {
+        self.cone(Cone::ZeroConeT(1), core::slice::from_ref(expression));
     }
 
     /// Requires that the expression is not negative; returns its row.

@@ -2,6 +2,7 @@
 
 use super::error::{finite, size};
 use super::inertia::{ENTRIES, TRIANGLE, eigenvalues, functional};
+use super::least_defect::least_defect;
 use super::program::{Affine, Program};
 use super::{BaseMap, FeasibilityError, ParameterLayout, Scale};
 
@@ -452,6 +453,14 @@ pub fn verdict(
             return Ok(Verdict::Infeasible { certificate });
         }
         margin_reached = margin_reached.max(check.margin());
+    }
+    // the dual may miss a proof far from the border
+    for accuracy in ACCURACIES {
+        let weights = least_defect(layout, combinations, beta, &units, accuracy)?;
+        let certificate = certify(weights)?;
+        if proves(&certificate, given.0, given.1, &units) {
+            return Ok(Verdict::Infeasible { certificate });
+        }
     }
     Ok(Verdict::Undecided {
         margin: margin_reached,
