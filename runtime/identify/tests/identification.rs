@@ -12,6 +12,8 @@ mod digests;
 mod doubts;
 #[path = "identification/energy.rs"]
 mod energy;
+#[path = "identification/held.rs"]
+mod held;
 #[path = "identification/instruments.rs"]
 mod instruments;
 #[path = "identification/motion.rs"]

@@ -110,13 +110,15 @@ impl Deviations {
     /// The same with what sampling leaves unknown of the motion, and words for it: empty where no standard
     /// deviation grows by a tenth.
     ///
-    /// - `change`: by how much other derivatives of the positions would change each parameter, in its
-    ///   unit.
+    /// - `changes`: by how much each parameter would change, in its unit, with other derivatives of the
+    ///   positions, and with efforts that are held between the rows.
     #[must_use]
-    pub(crate) fn with_sampling(&self, change: &[f64]) -> (Self, &'static str) {
-        let found = self.with_change(change);
+    pub(crate) fn with_sampling(&self, changes: &[Vec<f64>]) -> (Self, &'static str) {
+        let found = changes
+            .iter()
+            .fold(self.clone(), |sum, own| sum.with_change(own));
         let grows = |k: usize| found.sigma(k) > (1.0 + MIN_MENTIONED_GROWTH) * self.sigma(k);
-        let words = if (0..change.len()).any(grows) {
+        let words = if (0..self.degrees_of_freedom.len()).any(grows) {
             SAMPLING
         } else {
             ""
@@ -254,7 +256,8 @@ impl Blocks {
             has_too_few_rows: factor.has_too_few_rows(),
         };
         let found = self.deviations_with(&bread, kept, values)?;
-        Ok(found.with_change(&self.change(factor, kept)))
+        let changes = self.changes(factor, kept);
+        Ok(changes.iter().fold(found, |sum, own| sum.with_change(own)))
     }
 
     /// The covariance and degrees of freedom of an estimate by instrumental variables, over all

@@ -26,6 +26,7 @@ pub(crate) use products::OuterProducts;
 pub(crate) use residuals::bartlett_stretches;
 pub use residuals::{Autocorrelated, EffortError, Residuals, average_relative_error};
 pub(crate) use row_block::RowBlock;
+pub(crate) use scores::changed_by;
 pub use scores::{BLOCKS, Blocks, Scores};
 pub use set::{Accumulator, FactorSet, FileError, Origin};
 pub use solution::{EffortFit, Estimate, Weighting};

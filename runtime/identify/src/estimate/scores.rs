@@ -62,15 +62,15 @@ pub struct Blocks {
     /// The number of samples that carry as much information as one independent sample, of the
     /// effort with the longest correlation.
     pub(super) memory: f64,
-    /// `W^T W` times a systematic change of all parameters, n entries; empty without one.
+    /// For each systematic change of all parameters `W^T W` times the change, n entries.
     #[serde(default)]
-    pub(super) change: Vec<f64>,
+    pub(super) changes: Vec<Vec<f64>>,
 }
 
 impl Blocks {
     /// Adds a systematic change of all parameters that is the same for all samples, such as the
     /// effect of another differentiation method: it counts as one more standard deviation, also for
-    /// estimates of some of the parameters.
+    /// estimates of some of the parameters, and beside changes that were added before.
     ///
     /// - `factor`: weighted, over all parameters; `change`: one entry for each, in its unit.
     #[must_use]
@@ -84,24 +84,20 @@ impl Blocks {
             }
         }
         let score = |column: &[f64]| column.iter().zip(&moved).map(|(r, x)| r * x).sum();
-        self.change = columns().map(score).collect();
+        self.changes.push(columns().map(score).collect());
         self
     }
 
-    /// The change of the parameters of a factor: `(W^T W)^-1` times the scores of
-    /// [`with_change`](Self::with_change); empty without such a change or if the factor is
-    /// singular.
+    /// The systematic changes of the parameters of a factor: `(W^T W)^-1` times the scores of
+    /// [`with_change`](Self::with_change); none if the factor is singular.
     ///
     /// - `kept`: the indices of the factor's parameters among all.
-    pub(crate) fn change(&self, factor: &QrFactor, kept: &[usize]) -> Vec<f64> {
-        let own = kept.iter().map(|k| self.change.get(*k).copied());
-        let (Some(own), Some(gram)) = (own.collect::<Option<Vec<f64>>>(), inverse_gram(factor))
-        else {
-            return Vec::new();
+    pub(crate) fn changes(&self, factor: &QrFactor, kept: &[usize]) -> Vec<Vec<f64>> {
+        let of_kept = |scores: &Vec<f64>| {
+            let own = kept.iter().map(|k| scores.get(*k).copied());
+            changed_by(factor, &own.collect::<Option<Vec<f64>>>()?)
         };
-        let rows = gram.chunks_exact(own.len().max(1));
-        rows.map(|row| row.iter().zip(&own).map(|(a, b)| a * b).sum())
-            .collect()
+        self.changes.iter().filter_map(of_kept).collect()
     }
 
     /// The number of samples that were added.
@@ -390,7 +386,15 @@ impl Scores {
             values: values.to_vec(),
             blocks: self.blocks,
             memory: memory.fold(1.0, f64::max),
-            change: Vec::new(),
+            changes: Vec::new(),
         })
     }
+}
+
+/// The parameters that solve `W^T W x = scores`; `None` if the factor is singular.
+pub(crate) fn changed_by(factor: &QrFactor, scores: &[f64]) -> Option<Vec<f64>> {
+    let gram = inverse_gram(factor)?;
+    let rows = gram.chunks_exact(scores.len().max(1));
+    let products = rows.map(|row| row.iter().zip(scores).map(|(a, b)| a * b).sum());
+    Some(products.collect())
 }

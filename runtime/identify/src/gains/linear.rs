@@ -9,7 +9,7 @@ use super::statistics::Solved;
 use super::unknowns::{GainKind, Point, Unknowns, spread};
 use crate::data::DataError;
 use crate::estimate::{EstimateError, FactorSet, QrFactor};
-use crate::identify::{ChangedParameters, MotionSeries, Source};
+use crate::identify::{ChangedParameters, Equations, HeldEfforts, MotionSeries, Source};
 use crate::model::Covariance;
 use regen_runtime::BaseModel;
 
@@ -241,12 +241,48 @@ impl<'a> Linear<'a> {
                 weights,
                 time: 0.0,
                 follows: false,
+                rows_between: 1,
             };
             self.rows(&sample, &mut w, &mut fitted);
             let change = state.change.iter().enumerate();
             let change = change.map(|(effort, x)| self.inverse_gain(effort) * x);
             let change: Vec<f64> = change.collect();
             out.push((&mut w, &change), weights, state.rows)
+        })
+    }
+
+    /// Adds the equations of all runs, unless accelerations are not means over rows.
+    ///
+    /// - `instruments`: whether the columns are those of the instruments; `weights`: of the efforts.
+    pub(super) fn held<M, S>(
+        &self,
+        rows: &mut Rows<'_, M, S>,
+        instruments: bool,
+        weights: &[f64],
+        out: &mut HeldEfforts,
+    ) -> Result<(), GainError>
+    where
+        M: BaseModel<f64> + ?Sized,
+        S: Source + ?Sized,
+        S::Error: Into<DataError>,
+    {
+        if !rows.are_differentiated() {
+            return Ok(());
+        }
+        let (mut w, mut fitted) = (Vec::new(), Vec::new());
+        rows.visit(&mut |sample| {
+            let own = if instruments { sample.z } else { sample.w };
+            self.rows(&Sample { w: own, ..*sample }, &mut w, &mut fitted);
+            let equations = Equations {
+                time: sample.time,
+                w: &w,
+                tau: sample.measured,
+                weights: sample.weights,
+                follows: sample.follows,
+                rows_between: sample.rows_between,
+            };
+            out.push(&equations, weights);
+            Ok(())
         })
     }
 

@@ -9,8 +9,8 @@ use super::{CarriedRun, GainError};
 use crate::data::DataError;
 use crate::estimate::EstimateError;
 use crate::identify::{
-    ChangedEfforts, Columns, EquationKind, InstrumentRegressor, LeftOut, MotionSeries, NoColumns,
-    Replay, Source, StateSample,
+    ChangedEfforts, Columns, EquationKind, Filtering, InstrumentRegressor, LeftOut, MotionSeries,
+    NoColumns, Replay, Source, StateSample,
 };
 use regen_runtime::{BaseModel, Status};
 
@@ -28,6 +28,8 @@ pub(super) struct Sample<'a> {
     /// The time of the sample, s.
     pub(super) time: f64,
     pub(super) follows: bool,
+    /// See [`Equations::rows_between`](crate::identify::Equations::rows_between).
+    pub(super) rows_between: usize,
 }
 
 /// Receives the equations of each sample.
@@ -226,11 +228,26 @@ where
                     weights: &weights,
                     time: rows.time,
                     follows: rows.follows,
+                    rows_between: rows.rows_between,
                 })
             });
             result.map_err(|why| GainError::Data(why.into()))?;
         }
         Ok(())
+    }
+
+    /// How the equations are filtered: those of all runs in the same way.
+    pub(super) fn filtering(&mut self) -> Filtering {
+        let first = self.runs.first_mut();
+        first.map_or_else(Filtering::default, |(replay, _)| {
+            replay.source().filtering()
+        })
+    }
+
+    /// Whether the motion of a run is differentiated, see [`Source::is_differentiated`].
+    pub(super) fn are_differentiated(&mut self) -> bool {
+        let mut runs = self.runs.iter_mut();
+        runs.any(|(replay, _)| replay.source().is_differentiated())
     }
 
     /// Passes states of all runs, each with the change of its efforts if the positions are

@@ -16,7 +16,7 @@ use crate::estimate::{
     Autoregression, Blocks, Deviations, Estimate, EstimateError, FactorSet, ORDER, QrFactor,
     Residuals, Scores,
 };
-use crate::identify::{ChangedParameters, Instrumental, LeftOut, Source};
+use crate::identify::{ChangedParameters, HeldEfforts, Instrumental, LeftOut, Source};
 use crate::qr_update::substitute;
 use crate::status::EffortContributions;
 use regen_runtime::BaseModel;
@@ -84,7 +84,10 @@ impl Solved<'_> {
         let deviations = blocks.deviations(&plain, &all, &estimate.values, inside)?;
         let mut changed = ChangedParameters::new(labels);
         linear.changed(rows, None, self.weights, &mut changed)?;
-        let (deviations, sampling) = deviations.with_sampling(&changed.finish(&factor));
+        let mut held = HeldEfforts::new(linear.columns.len(), rows.filtering());
+        linear.held(rows, false, self.weights, &mut held)?;
+        let changes = [changed.finish(&factor), held.change(&factor)];
+        let (deviations, sampling) = deviations.with_sampling(&changes);
         let sigmas = match self.huber {
             Some(huber) => huber.sigmas().to_vec(),
             None => self.problem.sigmas(self.point),

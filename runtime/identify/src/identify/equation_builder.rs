@@ -78,6 +78,9 @@ pub struct Equations<'a> {
     pub weights: &'a [f64],
     /// Whether the sample follows the one before it without a gap.
     pub follows: bool,
+    /// The number of the log's rows from one sample to the next, above 1 where equations are averaged
+    /// or decimated.
+    pub rows_between: usize,
 }
 
 /// Factor on the velocities, so small that terms quadratic in them underflow to 0, while their
@@ -231,6 +234,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             tau: sample.tau,
             weights: sample.weights,
             follows: sample.follows,
+            rows_between: 1,
         }))
     }
 
@@ -253,6 +257,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             tau: &self.tau,
             weights: &self.weights,
             follows: sample.follows,
+            rows_between: 1,
         }
     }
 

@@ -5,6 +5,7 @@ mod delay;
 mod equation_builder;
 mod filtering;
 mod fusion;
+mod held;
 mod huber;
 mod instruments;
 mod motion;
@@ -22,6 +23,7 @@ pub mod suspect;
 pub use delay::{Delay, Delays};
 pub use equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 pub use filtering::{Filtering, Standstill};
+pub(crate) use held::HeldEfforts;
 pub use instruments::{
     Hausman, InstrumentOptions, Instrumental, MotionSeries, MotionSource, instrumental,
 };

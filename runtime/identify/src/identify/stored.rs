@@ -20,6 +20,7 @@ struct Sample {
     /// The end of the sample's numbers in `values`.
     end: usize,
     follows: bool,
+    rows_between: usize,
 }
 
 impl StoredEquations {
@@ -40,11 +41,12 @@ impl StoredEquations {
             rows: tau.len(),
             end: self.values.len(),
             follows: equations.follows,
+            rows_between: equations.rows_between,
         });
     }
 
     /// Passes the equations of all samples to `each` in order of time.
-    pub(super) fn visit(
+    pub(crate) fn visit(
         &self,
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), EstimateError> {
@@ -60,6 +62,7 @@ impl StoredEquations {
                 tau,
                 weights,
                 follows: sample.follows,
+                rows_between: sample.rows_between,
             })?;
         }
         Ok(())

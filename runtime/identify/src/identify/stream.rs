@@ -8,7 +8,7 @@ use super::passes::Source;
 use super::pending::Pending;
 use crate::estimate::EstimateError;
 use crate::friction::directions;
-use crate::signals::{SignalError, Smoothing};
+use crate::signals::SignalError;
 use regen_runtime::{BaseModel, Condition, Friction, Joint};
 
 /// How many samples and equations a pass used and left out.
@@ -515,10 +515,13 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         range: core::ops::Range<usize>,
         each: &mut EquationSink<'_>,
     ) -> Result<(), EstimateError> {
+        let averaged = self.averaged.unwrap_or(1);
         // without a filter, the states of the log are already decimated
-        let every = match self.filtering.smoothing {
-            Smoothing::None => 1,
-            _ => self.filtering.every(self.averaged.unwrap_or(1)),
+        let (every, rows_between) = if self.filtering.smoothing.is_none() {
+            (1, self.filtering.decimation.max(1))
+        } else {
+            let every = self.filtering.every(averaged);
+            (every, averaged * every)
         };
         let dof = self.dof;
         for k in range {
@@ -547,6 +550,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                 tau,
                 weights: &self.own_weights,
                 follows: self.follows,
+                rows_between,
             })?;
             self.follows = true;
         }

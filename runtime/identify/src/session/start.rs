@@ -10,7 +10,8 @@ use crate::estimate::{
 };
 use crate::friction::{FrictionData, collect, nonlinear_joints};
 use crate::identify::{
-    self, Delays, EquationBuilder, EquationKind, Identified, LeftOut, StoredEquations, digest,
+    self, Delays, EquationBuilder, EquationKind, Equations, HeldEfforts, Identified, LeftOut,
+    NoColumns, Source, StoredEquations, digest,
 };
 use crate::model::{IdentifiedModel, Intervals};
 
@@ -111,7 +112,9 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     let (mut identified, equations) =
         identify::identify_and_store(model, kind, &session.options, logs)?;
     let sampling_note = match kind {
-        EquationKind::Forces => add_sampling_error(&mut identified, logs)?,
+        EquationKind::Forces => {
+            add_sampling_error(session.model, &mut identified, equations.as_ref(), logs)?
+        }
         EquationKind::Energy { .. } => "",
     };
     let method = if let Some(n) = session.options.hac_bandwidth {
@@ -134,9 +137,13 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
 
 /// Adds the error that comes from the sampling of the positions to the parameters' standard
 /// deviations; returns a text for the name of the method, empty where the error is small.
+///
+/// - `equations`: those of the logs, `None` if they were too many to be stored.
 fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
+    model: &M,
     identified: &mut Identified,
-    logs: &MonitoredLogs<'_, M>,
+    equations: Option<&StoredEquations>,
+    logs: &mut MonitoredLogs<'_, M>,
 ) -> Result<&'static str, SessionError> {
     let weights: Vec<f64> = identified
         .estimate
@@ -148,13 +155,26 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
     let change = logs
         .logs()
         .discretisation(values, &weights, &identified.factor)?;
-    let blocks = identified
-        .blocks
-        .clone()
-        .with_change(&identified.factor, &change);
-    let (increased, words) = identified.deviations.with_sampling(&change);
+    let mut held = HeldEfforts::new(values.len(), logs.filtering());
+    if logs.is_differentiated() {
+        let mut each = |rows: &Equations<'_>| {
+            held.push(rows, &weights);
+            Ok(())
+        };
+        if let Some(stored) = equations {
+            stored.visit(&mut each)?;
+        } else {
+            let none = &mut NoColumns;
+            identify::equations(model, EquationKind::Forces, logs, none, &mut each)?;
+        }
+    }
+    let changes = [change, held.change(&identified.factor)];
+    let (increased, words) = identified.deviations.with_sampling(&changes);
     identified.deviations = increased;
-    identified.blocks = blocks;
+    for change in &changes {
+        let blocks = identified.blocks.clone();
+        identified.blocks = blocks.with_change(&identified.factor, change);
+    }
     Ok(words)
 }
 

@@ -121,7 +121,9 @@ mod tests {
     use super::*;
     use crate::estimate::{EstimateError, Origin};
     use crate::identify::instruments::instrumental_of;
-    use crate::identify::{ChangedParameters, InstrumentOptions, Instrumental};
+    use crate::identify::{
+        ChangedParameters, Filtering, HeldEfforts, InstrumentOptions, Instrumental,
+    };
 
     /// Equations of one effort and two unknowns: rows of W, rows of Z, right-hand sides.
     struct Rows(Vec<([f64; 2], [f64; 2], f64)>);
@@ -156,6 +158,14 @@ mod tests {
             Ok(())
         }
 
+        fn filtering(&mut self) -> Filtering {
+            Filtering::default()
+        }
+
+        fn held(&mut self, _: &[f64], _: &mut HeldEfforts) -> Result<(), EstimateError> {
+            Ok(())
+        }
+
         fn visit(
             &mut self,
             each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
@@ -167,6 +177,7 @@ mod tests {
                     tau: &[*tau],
                     weights: &[1.0],
                     follows: k > 0,
+                    rows_between: 1,
                 })?;
             }
             Ok(())

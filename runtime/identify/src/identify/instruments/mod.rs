@@ -31,6 +31,8 @@ use hausman::{covariances, hausman};
 use sums::{Solution, Sums};
 
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
+use super::filtering::Filtering;
+use super::held::HeldEfforts;
 use super::passes::{Source, predicted};
 use super::replay::Replay;
 use super::sampling::ChangedParameters;
@@ -226,6 +228,15 @@ pub(crate) trait InstrumentedEquations {
         weights: &[f64],
         out: &mut ChangedParameters,
     ) -> Result<(), Self::Error>;
+
+    /// Adds the equations of all samples, with the columns of the instruments, unless accelerations are
+    /// not means over rows, see [`Source::is_differentiated`].
+    ///
+    /// - `weights`: of the efforts.
+    fn held(&mut self, weights: &[f64], out: &mut HeldEfforts) -> Result<(), Self::Error>;
+
+    /// How the equations are filtered.
+    fn filtering(&mut self) -> Filtering;
 }
 
 /// The equations of the base parameters.
@@ -287,6 +298,21 @@ impl<M: BaseModel<f64> + ?Sized, S: Source + ?Sized> InstrumentedEquations
             w.extend_from_slice(state.w);
             out.push((&mut w, state.change), weights, state.rows)
         })
+    }
+
+    fn held(&mut self, weights: &[f64], out: &mut HeldEfforts) -> Result<(), S::Error> {
+        if !self.replay.source().is_differentiated() {
+            return Ok(());
+        }
+        self.replay.visit(&mut |rows| {
+            let (_, w) = rows.w.split_at(rows.w.len() / 2);
+            out.push(&Equations { w, ..*rows }, weights);
+            Ok(())
+        })
+    }
+
+    fn filtering(&mut self) -> Filtering {
+        self.replay.source().filtering()
     }
 }
 
@@ -403,8 +429,13 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
     }
     let mut changed = ChangedParameters::new(origin.labels.clone());
     equations.changed(&found.solution.values, &found.weights, &mut changed)?;
-    let change = changed.finish(&found.solution.factor);
-    let (deviations, sampling) = deviations.with_sampling(&change);
+    let mut held = HeldEfforts::new(origin.labels.len(), equations.filtering());
+    equations.held(&found.weights, &mut held)?;
+    let changes = [
+        changed.finish(&found.solution.factor),
+        found.solution.changed_by(&held.into_scores()),
+    ];
+    let (deviations, sampling) = deviations.with_sampling(&changes);
     let test = hausman(
         &found.solution.least_squares,
         &found.solution.values,

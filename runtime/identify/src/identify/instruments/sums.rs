@@ -129,6 +129,13 @@ pub(super) struct Solution {
 }
 
 impl Solution {
+    /// The values that solve `Z^T W x = scores`.
+    pub(super) fn changed_by(&self, scores: &[f64]) -> Vec<f64> {
+        let rows = self.inverse.chunks_exact(scores.len().max(1));
+        rows.map(|row| row.iter().zip(scores).map(|(a, b)| a * b).sum())
+            .collect()
+    }
+
     /// The difference of the values to others, in standard deviations for white residuals whose
     /// size is the inverse of the weights: the root mean square over all directions.
     pub(super) fn change_from(&self, others: &[f64]) -> Result<f64, EstimateError> {
