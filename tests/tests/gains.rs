@@ -189,6 +189,7 @@ impl<'m> Twin<'m> {
                 qdd: &qdd,
                 tau: tau.as_slice(),
                 efforts: &currents,
+                held: &[],
                 at_standstill: &vec![false; n],
                 weights: &vec![1.0; dof],
                 follows: k > 0,

@@ -218,6 +218,7 @@ mod tests {
                 qdd: &[0.0],
                 tau: &[],
                 efforts: &[],
+                held: &[],
                 at_standstill: &[],
                 weights: &[],
                 follows: true,

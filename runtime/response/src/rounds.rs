@@ -140,6 +140,7 @@ where
                     qdd: &qdd,
                     tau: &tau,
                     efforts: &efforts,
+                    held: &[],
                     at_standstill: &still,
                     weights: &weights,
                     follows,

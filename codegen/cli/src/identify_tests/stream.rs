@@ -278,6 +278,7 @@ fn no_equation_that_is_used_has_a_thirtieth_of_a_static_friction_in_it() {
                 qdd: &[0.0],
                 tau: &[if rests { STATIC } else { 0.0 }],
                 efforts: &[],
+                held: &[],
                 at_standstill: &[rests],
                 weights: &[1.0],
                 follows: k > 0,

@@ -250,10 +250,6 @@ pub(super) fn signal(file: &LogFile, why: SignalError) -> DataError {
 impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
     type Error = DataError;
 
-    fn is_differentiated(&self) -> bool {
-        self.files.iter().any(|log| !log.file.layout.derivatives)
-    }
-
     fn changed_efforts(
         &mut self,
         beta: &[f64],

@@ -9,6 +9,7 @@ mod csv_rows;
 mod discretisation;
 pub(crate) mod expression;
 mod file_rows;
+mod held;
 mod joined;
 mod layout;
 mod lines;

@@ -1,5 +1,6 @@
 //! Computes states of motion from the rows of a log, one window of rows after another.
 
+use super::held::{held_part, held_residuals};
 use super::logs::{Log, signal};
 use super::motion;
 use super::policy::Policy;
@@ -11,7 +12,7 @@ use super::standstill::{Encoder, resting};
 use super::stretch::Stretch;
 use super::unmeasured::Unmeasured;
 use crate::estimate::EstimateError;
-use crate::identify::{Completeness, Completion, StateSample};
+use crate::identify::{Completeness, Completion, StateSample, depends_on_direction};
 use crate::signals::{Method, SignalError, Smoothing};
 use crate::turned::turn;
 use regen_batch::eval_many;
@@ -184,6 +185,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             }
             still.push(rests);
         }
+        let held = self.held(&efforts, &still);
         // if the equations are filtered, they are decimated after the filter instead
         let every = match self.settings.method.smoothing() {
             Smoothing::None => self.settings.decimation.max(1),
@@ -197,7 +199,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             self.count += 1;
         }
         for samples in used.chunks(STATES) {
-            self.emit(samples, &motion, &efforts, &still)?;
+            self.emit(samples, &motion, (&efforts, &held), &still)?;
         }
         if end {
             self.rows.clear();
@@ -214,12 +216,50 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         Ok(())
     }
 
+    /// The residuals of the efforts at all rows if the controller holds them, see [`held_residuals`]; none
+    /// where all accelerations are measured.
+    ///
+    /// - `still`: for each measured coordinate, the rows at which it rests.
+    fn held(&self, efforts: &[Vec<f64>], still: &[Vec<bool>]) -> Vec<Vec<f64>> {
+        let layout = &self.log.file.layout;
+        let part = held_part(layout, self.log.series.is_some());
+        if part == 0.0 {
+            return Vec::new();
+        }
+        let scale = part * self.log.survey.raw_step.powi(2);
+        let times = self.rows.times();
+        let mut all: Vec<Vec<f64>> = efforts
+            .iter()
+            .map(|effort| held_residuals(times, effort, scale))
+            .collect();
+        if self.settings.method.smoothing().is_none() {
+            // an effort jumps by twice the friction where its joint turns, and no filter removes that
+            let info = self.model.info();
+            for (joint, own) in info.actuated.iter().zip(&mut all) {
+                if !info.joints.get(*joint).is_some_and(depends_on_direction) {
+                    continue;
+                }
+                let place = layout.measured.iter().position(|c| c == joint);
+                let rests = |k: usize| match place.and_then(|place| still.get(place)) {
+                    Some(rests) => rests.get(k).copied().unwrap_or(true),
+                    None => still.iter().any(|rests| rests.get(k) == Some(&true)),
+                };
+                for (k, x) in own.iter_mut().enumerate() {
+                    if (k.saturating_sub(1)..=k + 1).any(rests) {
+                        *x = 0.0;
+                    }
+                }
+            }
+        }
+        all
+    }
+
     /// Computes the states of these rows and passes them on.
     fn emit(
         &mut self,
         samples: &[usize],
         motion: &[[Vec<f64>; 3]],
-        efforts: &[Vec<f64>],
+        (efforts, held): (&[Vec<f64>], &[Vec<f64>]),
         still: &[Vec<bool>],
     ) -> Result<(), DataError> {
         let states = self.completion.complete_many(motion, samples)?;
@@ -261,6 +301,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let place = |c: &usize| info.actuated.iter().position(|a| a == c);
         let places: Vec<Option<usize>> = info.independent.iter().map(place).collect();
         let mut own = vec![0.0; efforts.len()];
+        let mut own_held = vec![0.0; held.len()];
         let mut forces = vec![0.0; dof];
         let mut weights = vec![1.0; dof];
         let mut rests = vec![false; n];
@@ -288,6 +329,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             for (slot, effort) in own.iter_mut().zip(efforts) {
                 *slot = effort[k];
             }
+            for (slot, held) in own_held.iter_mut().zip(held) {
+                *slot = held[k];
+            }
             for (slot, series) in forces.iter_mut().zip(tau.chunks_exact(count)) {
                 *slot = series[at];
             }
@@ -312,6 +356,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 qdd,
                 tau: &forces,
                 efforts: &own,
+                held: &own_held,
                 at_standstill: &rests,
                 weights: &weights,
                 follows: self.follows,

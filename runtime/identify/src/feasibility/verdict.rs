@@ -67,7 +67,9 @@ impl InfeasibilityCertificate {
         // an offset of either sign has no bound: its factor must be 0
         let of_offsets = layout.any_sign().iter().map(|k| -c[*k].abs());
         let all = of_bodies.chain(of_single).chain(of_offsets);
-        let least = all.fold(0.0, f64::min);
+        // weights so large that a sum overflows prove nothing
+        let worst = |x: f64| if x.is_nan() { f64::NEG_INFINITY } else { x };
+        let least = all.map(worst).fold(0.0, f64::min);
         Ok(Self {
             value: weights.iter().zip(beta).map(|(w, b)| w * b).sum(),
             weights,
@@ -318,8 +320,8 @@ pub(super) fn reproduces(combinations: &BaseMap, phi: &[f64], beta: &[f64]) -> b
 /// Decides whether any physical robot has the given base parameters (Yoshida and Khalil, 2000).
 ///
 /// A semidefinite programme maximises the margin of all bodies over all parameters that have these
-/// base parameters. Its solution or its dual is the proof, and it is checked here without the
-/// solver: [`Verdict::Feasible`] holds parameters whose eigenvalues were computed,
+/// base parameters. Its solution or its dual is the proof, or the solution of a second programme that
+/// seeks the best functional, and it is checked here without the solver: [`Verdict::Feasible`] holds parameters whose eigenvalues were computed,
 /// [`Verdict::Infeasible`] a functional whose eigenvalues were computed.
 ///
 /// - `beta`: r base parameters, SI, of these combinations.
@@ -455,7 +457,8 @@ pub fn verdict(
         margin_reached = margin_reached.max(check.margin());
     }
     // the dual may miss a proof far from the border
-    for accuracy in ACCURACIES {
+    let is_outside = margin_reached < 0.0;
+    for accuracy in ACCURACIES.into_iter().filter(|_| is_outside) {
         let weights = least_defect(layout, combinations, beta, &units, accuracy)?;
         let certificate = certify(weights)?;
         if proves(&certificate, given.0, given.1, &units) {

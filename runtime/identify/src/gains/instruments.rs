@@ -18,7 +18,7 @@ use super::{CarriedRun, GainError, GainFit, GainOptions, Plan, origin};
 use crate::data::DataError;
 use crate::estimate::{EstimateError, Origin};
 use crate::identify::{
-    ChangedParameters, Equations, Filtering, HeldEfforts, InstrumentOptions, Instrumental,
+    ChangedParameters, Equations, HeldEfforts, InstrumentOptions, Instrumental,
     InstrumentedEquations, MotionSeries, Source, instrumental_of,
 };
 use regen_runtime::BaseModel;
@@ -233,10 +233,6 @@ where
         linear.changed(&mut self.rows, Some(&self.last), weights, out)
     }
 
-    fn filtering(&mut self) -> Filtering {
-        self.rows.filtering()
-    }
-
     fn held(&mut self, weights: &[f64], out: &mut HeldEfforts) -> Result<(), GainError> {
         self.linear.held(&mut self.rows, true, weights, out)
     }
@@ -272,7 +268,7 @@ where
                 tau: &sides,
                 weights: sample.weights,
                 follows: sample.follows,
-                rows_between: sample.rows_between,
+                held: sample.held,
             })
         })
     }

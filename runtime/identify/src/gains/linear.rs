@@ -241,7 +241,7 @@ impl<'a> Linear<'a> {
                 weights,
                 time: 0.0,
                 follows: false,
-                rows_between: 1,
+                held: &[],
             };
             self.rows(&sample, &mut w, &mut fitted);
             let change = state.change.iter().enumerate();
@@ -251,7 +251,7 @@ impl<'a> Linear<'a> {
         })
     }
 
-    /// Adds the equations of all runs, unless accelerations are not means over rows.
+    /// Adds the equations of all runs, in the units in which efforts were measured.
     ///
     /// - `instruments`: whether the columns are those of the instruments; `weights`: of the efforts.
     pub(super) fn held<M, S>(
@@ -266,9 +266,6 @@ impl<'a> Linear<'a> {
         S: Source + ?Sized,
         S::Error: Into<DataError>,
     {
-        if !rows.are_differentiated() {
-            return Ok(());
-        }
         let (mut w, mut fitted) = (Vec::new(), Vec::new());
         rows.visit(&mut |sample| {
             let own = if instruments { sample.z } else { sample.w };
@@ -279,7 +276,7 @@ impl<'a> Linear<'a> {
                 tau: sample.measured,
                 weights: sample.weights,
                 follows: sample.follows,
-                rows_between: sample.rows_between,
+                held: sample.held,
             };
             out.push(&equations, weights);
             Ok(())

@@ -9,8 +9,8 @@ use super::{CarriedRun, GainError};
 use crate::data::DataError;
 use crate::estimate::EstimateError;
 use crate::identify::{
-    ChangedEfforts, Columns, EquationKind, Filtering, InstrumentRegressor, LeftOut, MotionSeries,
-    NoColumns, Replay, Source, StateSample,
+    ChangedEfforts, Columns, EquationKind, InstrumentRegressor, LeftOut, MotionSeries, NoColumns,
+    Replay, Source, StateSample,
 };
 use regen_runtime::{BaseModel, Status};
 
@@ -28,8 +28,8 @@ pub(super) struct Sample<'a> {
     /// The time of the sample, s.
     pub(super) time: f64,
     pub(super) follows: bool,
-    /// See [`Equations::rows_between`](crate::identify::Equations::rows_between).
-    pub(super) rows_between: usize,
+    /// Those of [`Equations::held`](crate::identify::Equations::held), in the unit of `measured`.
+    pub(super) held: &'a [f64],
 }
 
 /// Receives the equations of each sample.
@@ -42,6 +42,8 @@ struct Layout {
     w: (usize, usize),
     /// The column of the measured efforts; `None` where they are the right-hand sides.
     measured: Option<usize>,
+    /// The column of [`Sample::held`]; `None` where they are those of the equations.
+    held: Option<usize>,
     /// The first column of the instruments.
     z: Option<usize>,
 }
@@ -77,12 +79,14 @@ where
             Layout {
                 w: (r, r),
                 measured: Some(2 * r),
+                held: Some(2 * r + 1),
                 z: None,
             }
         } else {
             Layout {
                 w: (0, r),
                 measured: None,
+                held: None,
                 z: None,
             }
         };
@@ -109,6 +113,7 @@ where
         let layout = Layout {
             w: (r, r + 1),
             measured: Some(2 * r + 1),
+            held: None,
             z: None,
         };
         Self::with_columns(model, vec![(source, None, columns)], &[], layout)
@@ -155,7 +160,7 @@ where
                 Box::new(columns)
             });
         }
-        self.layout.z = Some(if self.by_drive { 2 * r + 1 } else { r });
+        self.layout.z = Some(if self.by_drive { 2 * r + 2 } else { r });
         Ok(())
     }
 
@@ -187,6 +192,7 @@ where
         let Layout {
             w: (first, count),
             measured,
+            held,
             z,
         } = self.layout;
         let mut w = vec![0.0; dof * count];
@@ -228,26 +234,12 @@ where
                     weights: &weights,
                     time: rows.time,
                     follows: rows.follows,
-                    rows_between: rows.rows_between,
+                    held: held.map_or(rows.held, |column| part(column, 1)),
                 })
             });
             result.map_err(|why| GainError::Data(why.into()))?;
         }
         Ok(())
-    }
-
-    /// How the equations are filtered: those of all runs in the same way.
-    pub(super) fn filtering(&mut self) -> Filtering {
-        let first = self.runs.first_mut();
-        first.map_or_else(Filtering::default, |(replay, _)| {
-            replay.source().filtering()
-        })
-    }
-
-    /// Whether the motion of a run is differentiated, see [`Source::is_differentiated`].
-    pub(super) fn are_differentiated(&mut self) -> bool {
-        let mut runs = self.runs.iter_mut();
-        runs.any(|(replay, _)| replay.source().is_differentiated())
     }
 
     /// Passes states of all runs, each with the change of its efforts if the positions are
@@ -426,7 +418,7 @@ impl<'a, M: BaseModel<f64> + ?Sized> ByDrive<'a, M> {
 
 impl<M: BaseModel<f64> + ?Sized> Columns for ByDrive<'_, M> {
     fn count(&self) -> usize {
-        self.base + 1
+        self.base + 2
     }
 
     fn fill(
@@ -443,8 +435,14 @@ impl<M: BaseModel<f64> + ?Sized> Columns for ByDrive<'_, M> {
                 got: row.efforts.len(),
             });
         }
-        let (of_base, measured) = out.split_at_mut(dof * self.base);
+        let (of_base, own) = out.split_at_mut(dof * self.base);
+        let (measured, held) = own.split_at_mut(dof);
         measured.copy_from_slice(row.efforts);
+        if row.held.len() == dof {
+            held.copy_from_slice(row.held);
+        } else {
+            held.fill(0.0);
+        }
         self.transform(row.q, w, of_base)
     }
 }

@@ -84,7 +84,7 @@ impl Solved<'_> {
         let deviations = blocks.deviations(&plain, &all, &estimate.values, inside)?;
         let mut changed = ChangedParameters::new(labels);
         linear.changed(rows, None, self.weights, &mut changed)?;
-        let mut held = HeldEfforts::new(linear.columns.len(), rows.filtering());
+        let mut held = HeldEfforts::new(linear.columns.len());
         linear.held(rows, false, self.weights, &mut held)?;
         let changes = [changed.finish(&factor), held.change(&factor)];
         let (deviations, sampling) = deviations.with_sampling(&changes);

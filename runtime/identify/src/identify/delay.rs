@@ -390,7 +390,7 @@ impl<'a> RateWindow<'a> {
             tau: &own.tau,
             weights: &own.weights,
             follows: !core::mem::take(&mut self.first),
-            rows_between: 1,
+            held: &[],
         };
         Some((equations, &self.rates))
     }

@@ -21,6 +21,10 @@ pub struct StateSample<'a> {
     /// The efforts of the actuated joints as they were measured, in the order of
     /// `Info::actuated`, N or N m; empty where they are not known.
     pub efforts: &'a [f64],
+    /// For each of the actuated joints the residual of its effort with the right parameters if the
+    /// controller holds efforts from row to row, N or N m; empty where accelerations are not computed
+    /// from sampled motion.
+    pub held: &'a [f64],
     /// For each of the n coordinates, whether it is at rest, or moves so slowly that noise decides on
     /// the direction of its friction; empty where that is not known.
     pub at_standstill: &'a [bool],
@@ -78,9 +82,9 @@ pub struct Equations<'a> {
     pub weights: &'a [f64],
     /// Whether the sample follows the one before it without a gap.
     pub follows: bool,
-    /// The number of the log's rows from one sample to the next, above 1 where equations are averaged
-    /// or decimated.
-    pub rows_between: usize,
+    /// The residuals of the equations with the right parameters if the controller holds efforts from
+    /// row to row, filtered like `tau`; empty where that is not known.
+    pub held: &'a [f64],
 }
 
 /// Factor on the velocities, so small that terms quadratic in them underflow to 0, while their
@@ -234,7 +238,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             tau: sample.tau,
             weights: sample.weights,
             follows: sample.follows,
-            rows_between: 1,
+            held: &[],
         }))
     }
 
@@ -257,7 +261,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             tau: &self.tau,
             weights: &self.weights,
             follows: sample.follows,
-            rows_between: 1,
+            held: &[],
         }
     }
 

@@ -58,13 +58,6 @@ pub trait Source {
         let _ = (beta, motion, each);
         Ok(())
     }
-
-    /// Whether the motion is differentiated from sampled positions, so that its accelerations are means
-    /// over rows if the efforts are held from row to row. Measured and simulated accelerations are
-    /// not, as here.
-    fn is_differentiated(&self) -> bool {
-        false
-    }
 }
 
 /// Options of a least-squares estimate.

@@ -35,6 +35,7 @@ struct OwnedSample {
     time: f64,
     tau: Vec<f64>,
     efforts: Vec<f64>,
+    held: Vec<f64>,
     at_standstill: Vec<bool>,
     weights: Vec<f64>,
     follows: bool,
@@ -57,6 +58,7 @@ impl Pending {
             own.follows = sample.follows;
             assign(&mut own.tau, sample.tau);
             assign(&mut own.efforts, sample.efforts);
+            assign(&mut own.held, sample.held);
             assign(&mut own.at_standstill, sample.at_standstill);
             assign(&mut own.weights, sample.weights);
         }
@@ -127,6 +129,7 @@ impl Pending {
             qdd,
             tau: &own.tau,
             efforts: &own.efforts,
+            held: &own.held,
             at_standstill: &own.at_standstill,
             weights: &own.weights,
             follows: own.follows,

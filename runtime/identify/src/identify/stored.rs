@@ -7,7 +7,7 @@ use crate::estimate::{EstimateError, Residuals};
 /// The equations of all samples of a log, in order of time.
 #[derive(Clone, Debug, Default)]
 pub struct StoredEquations {
-    /// Sample by sample: `w`, `tau`, `weights`.
+    /// Sample by sample: `w`, `tau`, `weights`, `held`.
     values: Vec<f64>,
     samples: Vec<Sample>,
 }
@@ -17,10 +17,11 @@ struct Sample {
     time: f64,
     /// The number of equations.
     rows: usize,
+    /// The number of entries of `held`.
+    held: usize,
     /// The end of the sample's numbers in `values`.
     end: usize,
     follows: bool,
-    rows_between: usize,
 }
 
 impl StoredEquations {
@@ -31,17 +32,21 @@ impl StoredEquations {
 
     pub(super) fn push(&mut self, equations: &Equations<'_>) {
         let Equations {
-            w, tau, weights, ..
+            w,
+            tau,
+            weights,
+            held,
+            ..
         } = equations;
-        for part in [w, tau, weights] {
+        for part in [w, tau, weights, held] {
             self.values.extend_from_slice(part);
         }
         self.samples.push(Sample {
             time: equations.time,
             rows: tau.len(),
+            held: held.len(),
             end: self.values.len(),
             follows: equations.follows,
-            rows_between: equations.rows_between,
         });
     }
 
@@ -54,6 +59,7 @@ impl StoredEquations {
         for sample in &self.samples {
             let values = &self.values[start..sample.end];
             start = sample.end;
+            let (values, held) = values.split_at(values.len() - sample.held);
             let (w, rest) = values.split_at(values.len() - 2 * sample.rows);
             let (tau, weights) = rest.split_at(sample.rows);
             each(&Equations {
@@ -62,7 +68,7 @@ impl StoredEquations {
                 tau,
                 weights,
                 follows: sample.follows,
-                rows_between: sample.rows_between,
+                held,
             })?;
         }
         Ok(())

@@ -8,7 +8,7 @@ use super::passes::Source;
 use super::pending::Pending;
 use crate::estimate::EstimateError;
 use crate::friction::directions;
-use crate::signals::SignalError;
+use crate::signals::{SignalError, Smoothing};
 use regen_runtime::{BaseModel, Condition, Friction, Joint};
 
 /// How many samples and equations a pass used and left out.
@@ -146,8 +146,8 @@ struct Stream<'m, M: ?Sized> {
     dof: usize,
     /// The number of columns in addition to those of the base regressor.
     extra: usize,
-    /// The number of entries of a sample in `values`: dof for each column, dof for the efforts, and dof
-    /// for the flags of coordinates that move.
+    /// The number of entries of a sample in `values`: dof for each column, dof for the efforts, dof
+    /// for those that are held, and dof for the flags of coordinates that move.
     width: usize,
     times: Vec<f64>,
     values: Vec<f64>,
@@ -243,7 +243,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             friction: Direction::of(model),
             dof,
             extra,
-            width: dof * (columns + 2),
+            width: dof * (columns + 3),
             times: Vec::new(),
             values: Vec::new(),
             weights: Vec::new(),
@@ -373,6 +373,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             return Ok(false);
         }
         self.values.extend_from_slice(equations.tau);
+        self.add_held(row)?;
         if self.filtering.standstill == Standstill::Keep {
             self.values.extend(core::iter::repeat_n(1.0, self.dof));
         } else {
@@ -381,6 +382,18 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         self.times.push(row.time);
         self.weights.extend_from_slice(row.weights);
         Ok(true)
+    }
+
+    /// Adds the generalized forces of held efforts; 0 where they are not known.
+    fn add_held(&mut self, row: &StateSample<'_>) -> Result<(), EstimateError> {
+        let start = self.values.len();
+        self.values.resize(start + self.dof, 0.0);
+        if !row.held.is_empty() {
+            let out = self.values.get_mut(start..).unwrap_or_default();
+            // the row's efforts were transformed at the same positions, which are not singular
+            let _ = self.model.generalized_forces(row.q, row.held, out)?;
+        }
+        Ok(())
     }
 
     /// Adds the last sample of the buffer to the average before it.
@@ -515,13 +528,10 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         range: core::ops::Range<usize>,
         each: &mut EquationSink<'_>,
     ) -> Result<(), EstimateError> {
-        let averaged = self.averaged.unwrap_or(1);
         // without a filter, the states of the log are already decimated
-        let (every, rows_between) = if self.filtering.smoothing.is_none() {
-            (1, self.filtering.decimation.max(1))
-        } else {
-            let every = self.filtering.every(averaged);
-            (every, averaged * every)
+        let every = match self.filtering.smoothing {
+            Smoothing::None => 1,
+            _ => self.filtering.every(self.averaged.unwrap_or(1)),
         };
         let dof = self.dof;
         for k in range {
@@ -530,8 +540,9 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                 continue;
             }
             let sample = &self.filtered[k * self.width..(k + 1) * self.width];
-            let (w, rest) = sample.split_at(self.width - 2 * dof);
-            let (tau, moved) = rest.split_at(dof);
+            let (w, rest) = sample.split_at(self.width - 3 * dof);
+            let (tau, rest) = rest.split_at(dof);
+            let (held, moved) = rest.split_at(dof);
             let own = &self.weights[k * dof..(k + 1) * dof];
             let weights = &mut self.own_weights;
             for (e, (weight, moved)) in weights.iter_mut().zip(moved).enumerate() {
@@ -550,7 +561,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                 tau,
                 weights: &self.own_weights,
                 follows: self.follows,
-                rows_between,
+                held,
             })?;
             self.follows = true;
         }

@@ -158,6 +158,11 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
             } else {
                 ""
             };
+            let filter = if session.reading.method.smoothing().is_none() {
+                ""
+            } else {
+                "; of the noise alone, without what the filter changes near reversals"
+            };
             let one = |s: &Spread| drawn_interval(s, session.confidence);
             let of_joint =
                 |joint: &Vec<Option<Spread>>| joint.iter().map(|s| one(s.as_ref()?)).collect();
@@ -166,7 +171,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
                 physical: spread.physical.iter().map(|s| one(s.as_ref()?)).collect(),
                 friction: spread.joints.iter().map(of_joint).collect(),
                 method: format!(
-                    "linearised at the optimum; {}{short}",
+                    "linearised at the optimum; {}{short}{filter}",
                     describe_draws(spread.replicates, &spread.deviations.in_words())
                 ),
             }

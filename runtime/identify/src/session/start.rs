@@ -11,7 +11,7 @@ use crate::estimate::{
 use crate::friction::{FrictionData, collect, nonlinear_joints};
 use crate::identify::{
     self, Delays, EquationBuilder, EquationKind, Equations, HeldEfforts, Identified, LeftOut,
-    NoColumns, Source, StoredEquations, digest,
+    NoColumns, StoredEquations, digest,
 };
 use crate::model::{IdentifiedModel, Intervals};
 
@@ -155,18 +155,16 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
     let change = logs
         .logs()
         .discretisation(values, &weights, &identified.factor)?;
-    let mut held = HeldEfforts::new(values.len(), logs.filtering());
-    if logs.is_differentiated() {
-        let mut each = |rows: &Equations<'_>| {
-            held.push(rows, &weights);
-            Ok(())
-        };
-        if let Some(stored) = equations {
-            stored.visit(&mut each)?;
-        } else {
-            let none = &mut NoColumns;
-            identify::equations(model, EquationKind::Forces, logs, none, &mut each)?;
-        }
+    let mut held = HeldEfforts::new(values.len());
+    let mut each = |rows: &Equations<'_>| {
+        held.push(rows, &weights);
+        Ok(())
+    };
+    if let Some(stored) = equations {
+        stored.visit(&mut each)?;
+    } else {
+        let none = &mut NoColumns;
+        identify::equations(model, EquationKind::Forces, logs, none, &mut each)?;
     }
     let changes = [change, held.change(&identified.factor)];
     let (increased, words) = identified.deviations.with_sampling(&changes);

@@ -81,10 +81,6 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
         result
     }
 
-    fn is_differentiated(&self) -> bool {
-        self.logs.is_differentiated()
-    }
-
     fn changed_efforts(
         &mut self,
         beta: &[f64],

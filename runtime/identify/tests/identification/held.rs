@@ -33,12 +33,15 @@ fn acceleration(q: f64, tau: f64) -> f64 {
 }
 
 /// Writes the log of a pendulum that a controller moves along the reference. It gives a new effort this
-/// many times in a row's time, without noise; a row has the mean of the efforts before and after it.
-fn written(name: &str, commands: u32) -> PathBuf {
+/// many times in a row's time, without noise; a row has the mean of the efforts and of the accelerations
+/// before and after it.
+///
+/// - `columns`: those of the motion.
+fn written(name: &str, commands: u32, columns: &str) -> PathBuf {
     let hold = STEP / f64::from(commands);
     let [mut q, mut qd, _] = reference(0.0);
     let mut before: Option<f64> = None;
-    let mut text = "t,q1,tau_q1\n".to_owned();
+    let mut text = format!("t,{columns},tau_q1\n");
     for k in 0..ROWS * commands {
         let [target, rate, feedforward] = reference(hold * f64::from(k));
         let own = PHI[0] * feedforward + PHI[1] * 9.81 * target.sin();
@@ -46,7 +49,13 @@ fn written(name: &str, commands: u32) -> PathBuf {
         if k % commands == 0 {
             let t = STEP * f64::from(k / commands);
             let mean = f64::midpoint(before.unwrap_or(tau), tau);
-            writeln!(text, "{t:.2},{q},{mean}").unwrap();
+            let motion = [q, qd, acceleration(q, mean)];
+            let motion = motion.iter().take(columns.split(',').count());
+            write!(text, "{t:.2}").unwrap();
+            for x in motion.chain([&mean]) {
+                write!(text, ",{x}").unwrap();
+            }
+            text.push('\n');
         }
         before = Some(tau);
         // Runge and Kutta's method, ten steps while the effort is held
@@ -65,16 +74,20 @@ fn written(name: &str, commands: u32) -> PathBuf {
     path
 }
 
-fn session() -> Session<'static, Pendulum> {
+fn filter() -> Settings {
+    Settings {
+        method: Method::Butterworth {
+            order: 4,
+            cutoff: 6.0,
+        },
+        ..Settings::default()
+    }
+}
+
+fn session(reading: Settings) -> Session<'static, Pendulum> {
     Session {
         model: &Pendulum,
-        reading: Settings {
-            method: Method::Butterworth {
-                order: 4,
-                cutoff: 6.0,
-            },
-            ..Settings::default()
-        },
+        reading,
         kind: EquationKind::Forces,
         options: Options::default(),
         confidence: 0.95,
@@ -83,9 +96,9 @@ fn session() -> Session<'static, Pendulum> {
 }
 
 /// The least-squares estimate, and by how much other derivatives would change it.
-fn least_squares(log: &PathBuf) -> (LeastSquaresStart, Vec<f64>) {
-    let session = session();
-    let mut logs = session.open(std::slice::from_ref(log)).unwrap();
+fn least_squares(logs: &[PathBuf], reading: Settings) -> (LeastSquaresStart, Vec<f64>) {
+    let session = session(reading);
+    let mut logs = session.open(logs).unwrap();
     let found = from_logs(&session, &mut logs).unwrap();
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
     let logs = logs.logs();
@@ -103,32 +116,85 @@ fn errors(values: &[f64]) -> [f64; 2] {
     [values[0] - PHI[0], values[1] - PHI[1]]
 }
 
+/// Checks that the deviations hold the errors, beside the change by other derivatives.
+#[track_caller]
+fn check(logs: &[PathBuf], reading: Settings, tolerance: f64) {
+    let (found, derivatives) = least_squares(logs, reading);
+    let errors = errors(&found.estimate.values);
+    for (k, error) in errors.iter().enumerate() {
+        let own = beside(found.deviations.sigma(k), derivatives[k]);
+        assert!(error.abs() > 1e-3, "{errors:?}");
+        assert!(
+            (error.abs() / own - 1.0).abs() < tolerance,
+            "{errors:?} {own}"
+        );
+    }
+}
+
 #[test]
 fn deviations_hold_what_held_efforts_do_to_least_squares() {
-    let (held, derivatives) = least_squares(&written("held.csv", 1));
-    let (fast, _) = least_squares(&written("held_fast.csv", 40));
-    let of_held = errors(&held.estimate.values);
-    let of_fast = errors(&fast.estimate.values);
-    for k in 0..2 {
-        let sigma = held.deviations.sigma(k);
-        let own = beside(sigma, derivatives[k]);
+    let log = [written("held.csv", 1, "q1")];
+    check(&log, filter(), 0.05);
+    check(&[log[0].clone(), log[0].clone()], filter(), 0.05);
+    check(&log, Settings::default(), 0.05);
+}
+
+#[test]
+fn decimated_equations_have_the_second_derivative_of_all_rows() {
+    let log = [written("held_decimated.csv", 1, "q1")];
+    let decimated = Settings {
+        decimation: 5,
+        ..filter()
+    };
+    check(&log, decimated, 0.05);
+}
+
+#[test]
+fn efforts_are_held_over_the_rows_of_a_resampled_log() {
+    let log = [written("held_resampled.csv", 1, "q1")];
+    let resampled = Settings {
+        resample: Some(2.0 / STEP),
+        ..filter()
+    };
+    check(&log, resampled, 0.25);
+}
+
+#[test]
+fn held_efforts_do_twice_as_much_to_derivatives_of_velocities() {
+    check(&[written("held_qd.csv", 1, "q1,qd_q1")], filter(), 0.1);
+}
+
+#[test]
+fn measured_accelerations_are_those_of_held_efforts() {
+    let log = written("held_qdd.csv", 1, "q1,qd_q1,qdd_q1");
+    let (found, _) = least_squares(&[log], filter());
+    for (k, error) in errors(&found.estimate.values).into_iter().enumerate() {
         assert!(
-            (of_held[k].abs() / own - 1.0).abs() < 0.05,
-            "{of_held:?} {own}"
+            error.abs() < 1e-6 && found.deviations.sigma(k) < 1e-6,
+            "{error}"
         );
-        // with forty commands a row nothing is held, which the log does not tell
-        assert!(of_fast[k].abs() < 0.01 * of_held[k].abs(), "{of_fast:?}");
-        assert!((fast.deviations.sigma(k) / sigma - 1.0).abs() < 0.1);
+    }
+}
+
+#[test]
+fn a_fast_controller_holds_nothing_and_has_the_same_deviations() {
+    let (held, _) = least_squares(&[written("held_slow.csv", 1, "q1")], filter());
+    let (fast, _) = least_squares(&[written("held_fast.csv", 40, "q1")], filter());
+    for k in 0..2 {
+        let [slow, fast_error] = [&held, &fast].map(|f| errors(&f.estimate.values)[k].abs());
+        assert!(fast_error < 0.01 * slow, "{fast_error} {slow}");
+        let ratio = fast.deviations.sigma(k) / held.deviations.sigma(k);
+        assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
     }
 }
 
 #[test]
 fn deviations_hold_what_held_efforts_do_to_instrumental_variables() {
-    let session = session();
-    let log = written("held_instruments.csv", 1);
+    let session = session(filter());
+    let log = [written("held_instruments.csv", 1, "q1")];
     // nearly the same along the motion of the instruments
-    let (_, derivatives) = least_squares(&log);
-    let mut logs = session.open(std::slice::from_ref(&log)).unwrap();
+    let (_, derivatives) = least_squares(&log, filter());
+    let mut logs = session.open(&log).unwrap();
     let mut motion = MotionSeries::new(1);
     for k in 0..ROWS {
         let t: f64 = format!("{:.2}", STEP * f64::from(k)).parse().unwrap();

@@ -228,6 +228,7 @@ fn a_bound_beyond_all_residuals_has_no_effect() {
             qdd: &[-t.sin()],
             tau: &[*tau],
             efforts: &[],
+            held: &[],
             at_standstill: &[],
             weights: &[1.0 + (k % 3) as f64],
             follows: k > 0,

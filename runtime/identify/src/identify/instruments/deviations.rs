@@ -121,9 +121,7 @@ mod tests {
     use super::*;
     use crate::estimate::{EstimateError, Origin};
     use crate::identify::instruments::instrumental_of;
-    use crate::identify::{
-        ChangedParameters, Filtering, HeldEfforts, InstrumentOptions, Instrumental,
-    };
+    use crate::identify::{ChangedParameters, HeldEfforts, InstrumentOptions, Instrumental};
 
     /// Equations of one effort and two unknowns: rows of W, rows of Z, right-hand sides.
     struct Rows(Vec<([f64; 2], [f64; 2], f64)>);
@@ -158,10 +156,6 @@ mod tests {
             Ok(())
         }
 
-        fn filtering(&mut self) -> Filtering {
-            Filtering::default()
-        }
-
         fn held(&mut self, _: &[f64], _: &mut HeldEfforts) -> Result<(), EstimateError> {
             Ok(())
         }
@@ -177,7 +171,7 @@ mod tests {
                     tau: &[*tau],
                     weights: &[1.0],
                     follows: k > 0,
-                    rows_between: 1,
+                    held: &[],
                 })?;
             }
             Ok(())

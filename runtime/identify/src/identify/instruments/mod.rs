@@ -31,7 +31,6 @@ use hausman::{covariances, hausman};
 use sums::{Solution, Sums};
 
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
-use super::filtering::Filtering;
 use super::held::HeldEfforts;
 use super::passes::{Source, predicted};
 use super::replay::Replay;
@@ -229,14 +228,10 @@ pub(crate) trait InstrumentedEquations {
         out: &mut ChangedParameters,
     ) -> Result<(), Self::Error>;
 
-    /// Adds the equations of all samples, with the columns of the instruments, unless accelerations are
-    /// not means over rows, see [`Source::is_differentiated`].
+    /// Adds the equations of all samples, with the columns of the instruments.
     ///
     /// - `weights`: of the efforts.
     fn held(&mut self, weights: &[f64], out: &mut HeldEfforts) -> Result<(), Self::Error>;
-
-    /// How the equations are filtered.
-    fn filtering(&mut self) -> Filtering;
 }
 
 /// The equations of the base parameters.
@@ -301,18 +296,11 @@ impl<M: BaseModel<f64> + ?Sized, S: Source + ?Sized> InstrumentedEquations
     }
 
     fn held(&mut self, weights: &[f64], out: &mut HeldEfforts) -> Result<(), S::Error> {
-        if !self.replay.source().is_differentiated() {
-            return Ok(());
-        }
         self.replay.visit(&mut |rows| {
             let (_, w) = rows.w.split_at(rows.w.len() / 2);
             out.push(&Equations { w, ..*rows }, weights);
             Ok(())
         })
-    }
-
-    fn filtering(&mut self) -> Filtering {
-        self.replay.source().filtering()
     }
 }
 
@@ -429,7 +417,7 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
     }
     let mut changed = ChangedParameters::new(origin.labels.clone());
     equations.changed(&found.solution.values, &found.weights, &mut changed)?;
-    let mut held = HeldEfforts::new(origin.labels.len(), equations.filtering());
+    let mut held = HeldEfforts::new(origin.labels.len());
     equations.held(&found.weights, &mut held)?;
     let changes = [
         changed.finish(&found.solution.factor),
