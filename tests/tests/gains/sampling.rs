@@ -7,7 +7,7 @@ use regen_identify::identify::{
     ChangedEfforts, Filtering, InstrumentOptions, MotionSeries, Source as LogSource,
 };
 
-/// A log whose efforts change with other derivatives of its positions.
+/// A log whose efforts change with other derivatives of its positions, and if they are held.
 struct Sampled<'m> {
     model: &'m Interpreted<'m>,
     log: Recorded,
@@ -15,11 +15,15 @@ struct Sampled<'m> {
     asked: Option<(Vec<f64>, bool)>,
 }
 
-/// The regressor of each row of a log, and the change of its efforts.
-fn rows(
-    model: &Interpreted<'_>,
-    log: &mut Recorded,
-) -> Vec<(Vec<f64>, DMatrix<f64>, DVector<f64>)> {
+/// A row of a log: the positions, the regressor, the change of its efforts by other derivatives, and
+/// what is left of its currents if they are held.
+type Row = (Vec<f64>, DMatrix<f64>, [DVector<f64>; 2]);
+
+fn held(dof: usize, time: f64) -> DVector<f64> {
+    DVector::from_fn(dof, |i, _| 0.02 * (5.0 * time + 2.0 * i as f64).cos())
+}
+
+fn rows(model: &Interpreted<'_>, log: &mut Recorded) -> Vec<Row> {
     let (dof, r) = (model.info().dof(), model.rank());
     let mut out = Vec::new();
     log.visit(&mut |row| {
@@ -28,7 +32,8 @@ fn rows(
         let change = DVector::from_fn(dof, |i, _| {
             0.03 * row.qdd[i] + 0.2 * (7.0 * row.time + i as f64).sin()
         });
-        out.push((row.q.to_vec(), DMatrix::from_vec(dof, r, w), change));
+        let changes = [change, held(dof, row.time)];
+        out.push((row.q.to_vec(), DMatrix::from_vec(dof, r, w), changes));
         Ok(())
     })
     .unwrap();
@@ -42,7 +47,13 @@ impl LogSource for Sampled<'_> {
         &mut self,
         each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), EstimateError> {
-        self.log.visit(each)
+        let dof = self.model.info().dof();
+        self.log.visit(&mut |row| {
+            each(&StateSample {
+                held: held(dof, row.time).as_slice(),
+                ..*row
+            })
+        })
     }
 
     fn filtering(&self) -> Filtering {
@@ -57,7 +68,7 @@ impl LogSource for Sampled<'_> {
     ) -> Result<(), EstimateError> {
         let along = motion.is_some_and(|own| own.len() == SAMPLES as usize);
         self.asked = Some((beta.to_vec(), along));
-        for (q, w, change) in rows(self.model, &mut self.log) {
+        for (q, w, [change, _]) in rows(self.model, &mut self.log) {
             each(&ChangedEfforts {
                 q: &q,
                 w: w.as_slice(),
@@ -82,15 +93,15 @@ fn forces(model: &Interpreted<'_>, q: &[f64]) -> DMatrix<f64> {
     all
 }
 
-/// The change of robot's parameters and gains, by least squares of the linearised equations of both runs
+/// The changes of robot's parameters and gains, by least squares of the linearised equations of both runs
 /// written out.
-fn expected(twin: &Twin<'_>, found: &GainFit, logs: [Recorded; 2]) -> Vec<f64> {
+fn expected(twin: &Twin<'_>, found: &GainFit, logs: [Recorded; 2]) -> [Vec<f64>; 2] {
     let (model, load) = (twin.model, twin.load());
     let robot: Vec<usize> = (0..model.rank()).filter(|k| !load.contains(k)).collect();
     let gains: Vec<f64> = found.model.gains.iter().map(|gain| gain.value).collect();
     let (m, n) = (robot.len(), robot.len() + gains.len());
     assert_eq!(found.estimate.labels.len(), n);
-    let (mut products, mut sides) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    let (mut products, mut sides) = (DMatrix::zeros(n, n), DMatrix::zeros(n, 2));
     for (run, mut log) in logs.into_iter().enumerate() {
         let mut x = DVector::from_column_slice(&found.model.beta);
         if run == 0 {
@@ -98,7 +109,7 @@ fn expected(twin: &Twin<'_>, found: &GainFit, logs: [Recorded; 2]) -> Vec<f64> {
                 x[*k] = 0.0;
             }
         }
-        for (q, w, change) in rows(model, &mut log) {
+        for (q, w, [change, held]) in rows(model, &mut log) {
             let solved = forces(model, &q).lu();
             let (w, change) = (solved.solve(&w).unwrap(), solved.solve(&change).unwrap());
             let efforts = &w * &x;
@@ -110,28 +121,28 @@ fn expected(twin: &Twin<'_>, found: &GainFit, logs: [Recorded; 2]) -> Vec<f64> {
                     row[column] = weight * w[(i, *place)] / gain;
                 }
                 row[m + i] = -weight * efforts[i] / (gain * gain);
-                sides += &row * (weight * change[i] / gain);
+                let own = [weight * change[i] / gain, weight * held[i]];
+                sides += &row * DMatrix::from_row_slice(1, 2, &own);
                 products += &row * row.transpose();
             }
         }
     }
-    // a thousandth of the whole log stands for no change
-    (products * 1.001)
-        .lu()
-        .solve(&sides)
-        .unwrap()
-        .as_slice()
-        .to_vec()
+    let found = products.lu().solve(&sides).unwrap();
+    // a thousandth of the whole log stands for no change by derivatives
+    [
+        (found.column(0) / 1.001).as_slice().to_vec(),
+        found.column(1).as_slice().to_vec(),
+    ]
 }
 
 /// Checks that the deviations of a fit with changes are those of one without, and the changes.
-fn check_added(plain: &GainFit, sampled: &GainFit, change: &[f64]) {
-    let n = change.len();
+fn check_added(plain: &GainFit, sampled: &GainFit, changes: &[Vec<f64>; 2]) {
+    let n = changes[0].len();
     for i in 0..n {
         for j in 0..n {
             let covariance = |fit: &GainFit| fit.deviations.covariance[i * n + j];
             let added = covariance(sampled) - covariance(plain);
-            let expected = change[i] * change[j];
+            let expected: f64 = changes.iter().map(|own| own[i] * own[j]).sum();
             let size = covariance(sampled).abs().max(expected.abs());
             assert!(
                 (added - expected).abs() <= 1e-6 * size,
