@@ -17,8 +17,9 @@
 //! ```
 //!
 //! Where velocities are measured and differentiated once, the mean acceleration is their difference over
-//! 2 h, and that of high order is `a - h^2/6 a''`: the residual is about twice as large. With
-//! a controller that is much faster than the log there are no such residuals.
+//! 2 h, the other forces have their mean over that time, and the acceleration of high order is
+//! `a - h^2/6 a''`: the residual is twice as large. With a controller that is much faster than the log
+//! there are no such residuals.
 
 use super::layout::ColumnLayout;
 

@@ -169,10 +169,9 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
     let changes = [change, held.change(&identified.factor)];
     let (increased, words) = identified.deviations.with_sampling(&changes);
     identified.deviations = increased;
-    for change in &changes {
-        let blocks = identified.blocks.clone();
-        identified.blocks = blocks.with_change(&identified.factor, change);
-    }
+    let blocks = identified.blocks.clone();
+    let add = |blocks: Blocks, change| blocks.with_change(&identified.factor, change);
+    identified.blocks = changes.iter().map(Vec::as_slice).fold(blocks, add);
     Ok(words)
 }
 
