@@ -32,8 +32,9 @@ pub use excitation::{Excited, excited_text};
 pub use explanation::{ExplanationJson, explanation, explanation_text};
 pub use identification::{
     EffortSummary, Identification, Instruments, LogFile, ModelErrors, ReductionStep, Rounds,
-    Search, Simulated, Summary, Suspected, corrected_delays_text, identification_text,
-    noisy_accelerations, reduction_steps, resting, stem, too_few, too_short, unexplained,
+    Search, Simulated, Summary, Suspected, corrected_delays_text, filtered_friction,
+    identification_text, noisy_accelerations, reduction_steps, resting, stem, too_few, too_short,
+    unexplained,
 };
 pub use info::{Info, info, info_text};
 pub use inspection::{Inspection, inspection_text};

@@ -2,6 +2,7 @@
 
 use regen_identify::data::FileReport;
 use regen_identify::estimate::{Deviations, EffortError};
+use regen_identify::friction::JointFit;
 use regen_identify::identify::LeftOut;
 use regen_identify::session::LeastSquaresStart;
 
@@ -88,6 +89,43 @@ pub fn noisy_accelerations(reports: &[FileReport]) -> Option<String> {
              that inertia is found far too small: {}. Filter the logs, --butterworth ORDER,CUTOFF, and lower \
              than now; `regen inspect` proposes a filter",
             names.join("; ")
+        )
+    })
+}
+
+/// The warning about the deviations of nonlinear friction behind a filter, which are those of the noise
+/// alone. `None` if no joint has nonlinear friction with an interval.
+///
+/// - `joints`: the friction that was found; `known`: whether there are intervals;
+/// - `filtered`: whether the equations passed a low-pass filter.
+///
+/// ```
+/// use regen_identify::friction::JointFit;
+/// use regen_report::results::filtered_friction;
+/// use regen_runtime::Friction;
+///
+/// let joint = |friction, values: &[f64]| JointFit {
+///     name: "q1".to_owned(),
+///     friction,
+///     values: values.to_vec(),
+/// };
+/// let stribeck = [joint(Friction::Stribeck, &[2.0, 3.0, 0.1, 2.0, 5.0])];
+/// let text = filtered_friction(&stribeck, true, true).unwrap_or_default();
+/// assert!(text.contains("q1") && text.contains("regen rehearse --friction"));
+/// assert_eq!(filtered_friction(&stribeck, true, false), None);
+/// assert_eq!(filtered_friction(&stribeck, false, true), None);
+/// let linear = [joint(Friction::Linear, &[5.0, 2.0])];
+/// assert_eq!(filtered_friction(&linear, true, true), None);
+/// ```
+pub fn filtered_friction(joints: &[JointFit], known: bool, filtered: bool) -> Option<String> {
+    let nonlinear = joints.iter().filter(|joint| !joint.friction.is_linear());
+    let names: Vec<&str> = nonlinear.map(|joint| joint.name.as_str()).collect();
+    (known && filtered && !names.is_empty()).then(|| {
+        format!(
+            "warning: the deviations of nonlinear friction ({}) are of the noise alone: what the filter \
+             does near reversals can put Fs and vs off by many of them; `regen rehearse --friction` \
+             simulates how far",
+            names.join(", ")
         )
     })
 }
