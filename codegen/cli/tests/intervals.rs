@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -104,4 +105,46 @@ fn intervals_of_a_five_bar_with_friction_contain_the_true_values_without_noise()
         ],
         &[&[]],
     );
+}
+
+#[test]
+fn intervals_of_nonlinear_friction_behind_a_filter_come_with_a_warning() {
+    let dir = scratch("intervals_friction");
+    let spec = "\
+name: pendulum
+gravity: [0, 0, -9.81]
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, dh: {alpha: pi/2}, body: a, actuated: true, friction: atan}
+bodies:
+  a: {mass: 1, com: [0.3, 0, 0], inertia: [0, 0, 0, 0.02, 0, 0.02]}
+";
+    fs::write(dir.join("pendulum.yaml"), spec).unwrap();
+    let mut log = "t,q1,tau_q1\n".to_owned();
+    for k in 0..2000 {
+        let t = 0.01 * f64::from(k);
+        let (q, qd) = (
+            t.sin() + 0.3 * (2.7 * t).cos(),
+            t.cos() - 0.81 * (2.7 * t).sin(),
+        );
+        let qdd = -t.sin() - 2.187 * (2.7 * t).cos();
+        let friction = 0.4 * (qd / 0.05).atan() + 0.3 * qd;
+        let noise = 0.01 * (12.9898 * f64::from(k * k % 1009)).sin();
+        let tau = 0.11 * qdd + 0.3 * 9.81 * q.cos() + friction + noise;
+        writeln!(log, "{t:.2},{q},{tau}").unwrap();
+    }
+    fs::write(dir.join("log.csv"), log).unwrap();
+    let warned = |options: &str| {
+        let line = format!("identify pendulum.yaml log.csv --friction {options}");
+        let words: Vec<&str> = line.split(' ').collect();
+        let ended = regen(&dir, &words).ended(0);
+        ended
+            .err
+            .contains("nonlinear friction (q1) are of the noise alone")
+    };
+    assert!(warned("--butterworth 4,5 --draws 6"));
+    // without a filter, or without intervals, there is nothing to warn of
+    assert!(!warned("--draws 6"));
+    assert!(!warned("--butterworth 4,5 --draws 0"));
 }
