@@ -321,7 +321,8 @@ pub(super) fn reproduces(combinations: &BaseMap, phi: &[f64], beta: &[f64]) -> b
 ///
 /// A semidefinite programme maximises the margin of all bodies over all parameters that have these
 /// base parameters. Its solution or its dual is the proof, or the solution of a second programme that
-/// seeks the best functional, and it is checked here without the solver: [`Verdict::Feasible`] holds parameters whose eigenvalues were computed,
+/// seeks the best functional, and it is checked here without the solver:
+/// [`Verdict::Feasible`] holds parameters whose eigenvalues were computed,
 /// [`Verdict::Infeasible`] a functional whose eigenvalues were computed.
 ///
 /// - `beta`: r base parameters, SI, of these combinations.

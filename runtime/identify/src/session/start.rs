@@ -135,8 +135,9 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Adds the error that comes from the sampling of the positions to the parameters' standard
-/// deviations; returns a text for the name of the method, empty where the error is small.
+/// Adds the errors that come from the sampling of the positions, and from efforts that are held between
+/// rows, to the parameters' standard deviations; returns a text for the name of the method, empty where
+/// they are small.
 ///
 /// - `equations`: those of the logs, `None` if they were too many to be stored.
 fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
