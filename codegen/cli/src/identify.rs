@@ -18,7 +18,7 @@ use regen_runtime::Friction;
 use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, WeightingArg};
 use crate::exit::Failure;
 use crate::{
-    delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe, outputs,
+    choice, delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe, outputs,
     parameters, physical, report, suspect, table, terminal, write,
 };
 
@@ -77,6 +77,18 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
+    let filtered = if has_loads || args.logs.is_empty() {
+        None
+    } else {
+        choice::made(args, &session(args, &model))?
+    };
+    if let Some((_, choice)) = &filtered {
+        for c in &choice.candidates {
+            eprintln!("{c:?}");
+        }
+        eprintln!("chosen {:?} {}", choice.method, choice.decimation);
+    }
+    let args = filtered.as_ref().map_or(args, |(args, _)| args);
     let corrected = if has_loads {
         // found together with gains and payloads
         None

@@ -8,6 +8,7 @@ mod args;
 mod base;
 pub mod call;
 mod check;
+mod choice;
 mod closed;
 mod delay;
 mod equations;

@@ -20,8 +20,7 @@ mod random;
 
 use nalgebra::DMatrix;
 
-use random::Random;
-pub(crate) use random::{Draws, seed};
+pub(crate) use random::{Draws, Random, seed};
 
 use crate::estimate::{Deviations, QrFactor};
 use crate::feasibility::{

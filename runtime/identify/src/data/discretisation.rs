@@ -124,8 +124,8 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let mut stretch = Stretch::default();
         let mut place = 0;
         let mut other = LogRow::default();
-        log.file
-            .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
+        log
+            .rows(&mut |_| {}, &mut |row, follows| {
                 let within = place < (place * count / rows.max(1)) * rows / count + length;
                 place += 1;
                 let (row, follows) = match &mut replaced {

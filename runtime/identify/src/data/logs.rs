@@ -3,8 +3,8 @@
 
 use super::average::Average;
 use super::policy::{Policies, Policy};
-use super::problem::{DataError, Problems};
-use super::reader::{LogFile, LogRow, Survey};
+use super::problem::{DataError, Problem, Problems};
+use super::reader::{LogFile, LogRow, RowSink, Survey};
 use super::row_cache::{MAX_NUMBERS, RowCache};
 use super::run::Run;
 use super::settings::Settings;
@@ -49,6 +49,7 @@ pub struct FileReport {
 }
 
 /// One opened log file, with the results of its first passes.
+#[derive(Clone)]
 pub(super) struct Log {
     pub(super) file: LogFile,
     pub(super) survey: Survey,
@@ -58,6 +59,28 @@ pub(super) struct Log {
     pub(super) encoders: Vec<Encoder>,
     /// The same of each measured velocity; nothing where it is not measured or not used alone.
     pub(super) velocity_noise: Vec<Encoder>,
+    /// Rows in memory that take the place of those of the file, one list for each stretch without a
+    /// gap.
+    pub(super) kept: Option<Vec<Vec<LogRow>>>,
+}
+
+impl Log {
+    /// Passes the usable rows to `each`, as [`LogFile::rows`] does, or those in memory.
+    pub(super) fn rows(
+        &self,
+        problem: &mut dyn FnMut(Problem),
+        each: &mut RowSink<'_>,
+    ) -> Result<(), DataError> {
+        let Some(kept) = &self.kept else {
+            return self.file.rows(&self.survey, problem, each);
+        };
+        for stretch in kept {
+            for (k, row) in stretch.iter().enumerate() {
+                each(row, k > 0)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The largest number of rows on either side that a filter may need, as a window with them is held
@@ -223,6 +246,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 series,
                 encoders,
                 velocity_noise,
+                kept: None,
             });
         }
         Ok(Self {
@@ -303,8 +327,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                     file: report.file.clone(),
                     why,
                 })?;
-            log.file.rows(
-                &log.survey,
+            log.rows(
                 &mut |_| {},
                 &mut |row, follows| match &mut average {
                     Some(average) => {

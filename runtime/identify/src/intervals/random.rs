@@ -41,7 +41,7 @@ pub(crate) fn seed(values: &[f64]) -> u64 {
 }
 
 /// Generator of random numbers that are the same on every machine (SplitMix64; Box and Muller).
-pub(super) struct Random(pub(super) u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
     fn bits(&mut self) -> u64 {
@@ -57,7 +57,8 @@ impl Random {
         ((self.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
     }
 
-    fn normal(&mut self) -> f64 {
+    /// A standard normal number.
+    pub(crate) fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(self.part())).sqrt();
         radius * libm::cos(core::f64::consts::TAU * self.part())
     }

@@ -6,12 +6,14 @@
 //! ([`physical()`], [`reduction()`]) start from it. [`compare()`] and [`cross()`] compute errors of
 //! prediction.
 
+mod choice;
 mod compare;
 mod cross;
 mod delays;
 mod error;
 mod knowledge;
 mod loads;
+mod motion_noise;
 mod physical;
 mod reduction;
 mod start;
@@ -22,6 +24,7 @@ use regen_runtime::BaseModel;
 use crate::data::{DataError, Logs, Run, Settings};
 use crate::identify::{EquationKind, Options};
 
+pub use choice::{Candidate, Choice, chosen};
 pub use compare::{LogError, compare, residuals_of};
 pub use cross::{CrossValidation, cross};
 pub use delays::{identified, settled_delays, settled_delays_within};

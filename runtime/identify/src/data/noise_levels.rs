@@ -1,0 +1,90 @@
+//! The noise of a measured signal at the frequencies beside those of its motion.
+
+/// The number of consecutive means in one difference of the sixth order.
+const POINTS: usize = 7;
+/// The sum of the squared binomial coefficients of order 6: the variance of such a difference of white
+/// noise over that of the noise.
+const GAIN: f64 = 924.0;
+/// The least number of differences from which a level is computed.
+const MIN_DIFFERENCES: usize = 24;
+/// Differences of more than so many medians are steps of the motion, and count as that many.
+const CLIPPED_MEDIANS: f64 = 12.0;
+/// The density of noise grows by at most this factor from one octave to the next lower one: that of a
+/// wandering clock grows by four at most, and the differences of a motion grow by thousands.
+const MAX_GROWTH: f64 = 6.0;
+/// The middle of the band that differences of means of n rows pass, times n, over the rate of the rows.
+const MIDDLE: f64 = 0.35;
+
+/// The variance of white noise that a signal's noise is like in each octave of frequency.
+///
+/// Differences of the sixth order of the means of 1, 2, 4, ... rows pass the octaves from half the rate
+/// of the rows downwards; motion, of low frequency, hardly passes them, until in some octave it exceeds
+/// the noise by far. From there on downwards the noise counts as white, as it cannot be seen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct NoiseLevels {
+    /// The time between rows, s.
+    step: f64,
+    /// For means of 1, 2, 4, ... rows: the density of the noise, unit^2 s: the variance of white noise
+    /// times the step of its samples.
+    octaves: Vec<f64>,
+}
+
+impl NoiseLevels {
+    /// The levels of a signal that was sampled evenly, in stretches without gaps.
+    pub(crate) fn new(step: f64, stretches: &[Vec<f64>]) -> Self {
+        let mut octaves: Vec<f64> = Vec::new();
+        let mut means: Vec<Vec<f64>> = stretches.to_vec();
+        let mut length = 1.0;
+        while let Some(variance) = variance(&means) {
+            let density = variance * length * step;
+            if octaves
+                .last()
+                .is_some_and(|last| density > MAX_GROWTH * last)
+            {
+                break;
+            }
+            octaves.push(density);
+            for list in &mut means {
+                *list = list.chunks_exact(2).map(|p| 0.5 * (p[0] + p[1])).collect();
+            }
+            length *= 2.0;
+        }
+        Self { step, octaves }
+    }
+
+    /// The density of the noise around a frequency in Hz, unit^2 s; that of the next octave with
+    /// noise where it cannot be seen.
+    pub(crate) fn density(&self, frequency: f64) -> f64 {
+        let octave = libm::log2(MIDDLE / (frequency * self.step)).floor().max(0.0);
+        #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
+        let place = (octave as usize).min(self.octaves.len().saturating_sub(1));
+        self.octaves.get(place).copied().unwrap_or(0.0)
+    }
+}
+
+/// The variance of the noise of a sequence from its differences of the sixth order; `None` where there
+/// are too few.
+fn variance(stretches: &[Vec<f64>]) -> Option<f64> {
+    let mut squares = Vec::new();
+    for values in stretches {
+        for window in values.windows(POINTS) {
+            let [a, b, c, d, e, f, g] = *window else {
+                continue;
+            };
+            let difference = a - 6.0 * b + 15.0 * c - 20.0 * d + 15.0 * e - 6.0 * f + g;
+            squares.push(difference * difference);
+        }
+    }
+    if squares.len() < MIN_DIFFERENCES {
+        return None;
+    }
+    let middle = squares.len() / 2;
+    let (_, median, _) = squares.select_nth_unstable_by(middle, f64::total_cmp);
+    let bound = if *median > 0.0 {
+        CLIPPED_MEDIANS * CLIPPED_MEDIANS * *median
+    } else {
+        f64::INFINITY
+    };
+    let sum: f64 = squares.iter().map(|x| x.min(bound)).sum();
+    Some(sum / (GAIN * squares.len() as f64))
+}

@@ -1,0 +1,216 @@
+//! Logs whose rows are held in memory: at a lower rate, or with noise added to what was measured of
+//! the motion.
+
+use super::logs::{Log, Logs, signal};
+use super::noise_levels::NoiseLevels;
+use super::problem::DataError;
+use super::reader::LogRow;
+use super::standstill::{Differences, Encoder};
+use crate::intervals::Random;
+use crate::signals::{Butterworth, Method, SignalError};
+use regen_runtime::Model;
+
+/// The order of the filter before rows are left out.
+const ORDER: usize = 4;
+/// Its cutoff frequency over the rate of the rows that remain.
+const CUTOFF_RATIO: f64 = 0.4;
+/// The number of stretches of a log that is too long to be held whole.
+const PIECES: usize = 8;
+
+impl<M: Model<f64> + ?Sized> Logs<'_, M> {
+    /// The same logs with their rows in memory: of a log with more than `most` rows, stretches that are
+    /// spread evenly over it.
+    ///
+    /// # Errors
+    /// When a log cannot be read.
+    pub(crate) fn in_memory(&self, most: usize) -> Result<Self, DataError> {
+        let mut files = Vec::with_capacity(self.files.len());
+        for (log, report) in self.files.iter().zip(&self.reports) {
+            let all = report.rows;
+            let (count, length) = if all <= most {
+                (1, all)
+            } else {
+                (PIECES, most / PIECES)
+            };
+            let mut stretches: Vec<Vec<LogRow>> = Vec::new();
+            let (mut place, mut was_within) = (0, false);
+            log.rows(&mut |_| {}, &mut |row, follows| {
+                let piece = place * count / all.max(1);
+                let within = place < piece * all / count + length;
+                place += 1;
+                if within {
+                    if !(follows && was_within) || stretches.is_empty() {
+                        stretches.push(Vec::new());
+                    }
+                    if let Some(last) = stretches.last_mut() {
+                        last.push(row.clone());
+                    }
+                }
+                was_within = within;
+                Ok(())
+            })?;
+            files.push(Log {
+                kept: Some(stretches),
+                ..log.clone()
+            });
+        }
+        Ok(self.with_files(files))
+    }
+
+    /// The rows in memory at one of `every` instants, behind a low-pass filter below half their rate,
+    /// for a method of differentiation.
+    ///
+    /// # Errors
+    /// When the rows are not sampled evenly, or no stretch is long enough.
+    pub(crate) fn thinned(&self, method: Method, every: usize) -> Result<Self, DataError> {
+        let mut files = Vec::with_capacity(self.files.len());
+        for log in &self.files {
+            files.push(if every > 1 {
+                thinned(log, every)?
+            } else {
+                log.clone()
+            });
+        }
+        let mut all = self.with_files(files);
+        all.settings.method = method;
+        Ok(all)
+    }
+
+    /// The rows in memory with white noise added to all columns of the motion.
+    ///
+    /// - `scale`: the factor of the noise; with the opposite sign the same noise is subtracted;
+    /// - `deviations`: for each log, the standard deviation of the noise of each column behind the
+    ///   time, as many as columns of motion.
+    pub(crate) fn disturbed(&self, scale: f64, deviations: &[Vec<f64>]) -> Self {
+        let mut random = Random(SEED);
+        let files = self.files.iter().zip(deviations).map(|(log, own)| {
+            let kept = log.kept.as_ref().map(|stretches| {
+                let mut stretches = stretches.clone();
+                for row in stretches.iter_mut().flatten() {
+                    let entries = row.values.iter_mut().skip(1);
+                    for (entry, deviation) in entries.zip(own) {
+                        *entry += scale * deviation * random.normal();
+                    }
+                }
+                stretches
+            });
+            Log {
+                kept,
+                ..log.clone()
+            }
+        });
+        self.with_files(files.collect())
+    }
+
+    /// The noise levels of the columns of motion of each log, in the order of the rows' entries.
+    pub(crate) fn noise_levels(&self) -> Vec<Vec<NoiseLevels>> {
+        let of_log = |log: &Log| {
+            let efforts = log.file.layout.efforts().start;
+            let column = |entry: usize| {
+                let kept = log.kept.iter().flatten();
+                let values = |rows: &Vec<LogRow>| -> Vec<f64> {
+                    let values = rows.iter().filter_map(|row| row.values.get(entry).copied());
+                    values.collect()
+                };
+                let stretches: Vec<Vec<f64>> = kept.map(values).collect();
+                NoiseLevels::new(log.survey.time_step(), &stretches)
+            };
+            (1..efforts).map(column).collect()
+        };
+        self.files.iter().map(of_log).collect()
+    }
+
+    /// The time between the rows of each log, s, and how long it is, s.
+    pub(crate) fn durations(&self) -> Vec<(f64, f64)> {
+        let of_log = |log: &Log| {
+            let step = log.survey.time_step();
+            let rows: usize = log.kept.iter().flatten().map(Vec::len).sum();
+            (step, rows as f64 * step)
+        };
+        self.files.iter().map(of_log).collect()
+    }
+
+    /// Whether the rows give the motion by themselves, without being differentiated.
+    pub(crate) fn is_differentiated(&self) -> bool {
+        self.settings.period.is_none()
+            && self.files.iter().all(|log| log.series.is_none())
+            && self.files.iter().any(|log| !log.file.layout.derivatives)
+    }
+
+    fn with_files(&self, files: Vec<Log>) -> Self {
+        Self {
+            model: self.model,
+            settings: self.settings.clone(),
+            files,
+            reports: self.reports.clone(),
+        }
+    }
+}
+
+/// The seed of added noise: the same log gives the same result on every machine.
+const SEED: u64 = 0x6e6f_6973_65;
+
+/// One of `every` rows of a log, behind a low-pass filter.
+fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {
+    let step = log.survey.time_step();
+    let coarse = step * every as f64;
+    let filter = Butterworth::new(ORDER, CUTOFF_RATIO / coarse, step);
+    let filter = filter.map_err(|why| signal(&log.file, why))?;
+    let margin = filter.settling();
+    let mut stretches = Vec::new();
+    for rows in log.kept.iter().flatten() {
+        if rows.len() <= 2 * margin + every {
+            continue;
+        }
+        let channels = rows.first().map_or(0, |row| row.values.len());
+        let mut columns = Vec::with_capacity(channels);
+        for entry in 0..channels {
+            let values: Vec<f64> = rows.iter().filter_map(|r| r.values.get(entry).copied()).collect();
+            columns.push(if entry == 0 {
+                values
+            } else {
+                let filtered = filter.zero_phase(&values);
+                filtered.map_err(|why| signal(&log.file, why))?
+            });
+        }
+        let used = (margin..rows.len() - margin).step_by(every);
+        let row = |k: usize| LogRow {
+            line: rows.get(k).map_or(0, |row| row.line),
+            values: columns.iter().filter_map(|c| c.get(k).copied()).collect(),
+        };
+        stretches.push(used.map(row).collect::<Vec<LogRow>>());
+    }
+    if stretches.is_empty() {
+        return Err(signal(
+            &log.file,
+            SignalError::TooFew {
+                samples: log.kept.iter().flatten().map(Vec::len).sum(),
+                needed: 2 * margin + every,
+            },
+        ));
+    }
+    let layout = &log.file.layout;
+    let entries = layout.positions();
+    let encoder = |entry: usize| -> Encoder {
+        let mut all = Differences::default();
+        for rows in &stretches {
+            for (k, row) in rows.iter().enumerate() {
+                if let Some(value) = row.values.get(entry) {
+                    all.push(*value, k > 0);
+                }
+            }
+        }
+        all.finish()
+    };
+    let mut out = log.clone();
+    out.encoders = entries.map(encoder).collect();
+    for (own, velocity) in out.velocity_noise.iter_mut().zip(&layout.velocities) {
+        if let Some(entry) = velocity {
+            *own = encoder(*entry);
+        }
+    }
+    out.survey.raw_step = coarse;
+    out.survey.time_step = coarse;
+    out.kept = Some(stretches);
+    Ok(out)
+}

@@ -1,0 +1,327 @@
+//! Chooses how the positions of logs are differentiated, where no one says how.
+//!
+//! The choice is the cutoff of a low-pass filter. Below it least squares loses what the efforts tell,
+//! above it noise of the positions biases the parameters and disturbs the equations. Each cutoff of a
+//! geometric grid is tried on the log itself, at a rate that suits it: the covariance of its estimate
+//! is what noise leaves unknown, and simulation and extrapolation give the bias (errors in variables).
+//! Noise that neither knows of, such as that of a wandering clock, shows where an estimate differs from
+//! those of lower cutoffs by more than the deviations of both (Lepskii, 1991). The cutoff with the
+//! smallest mean square of all three, as errors of efforts, is chosen.
+
+use regen_runtime::BaseModel;
+
+use super::motion_noise::{NoisyMotion, is_undetermined};
+use super::{Session, SessionError};
+use crate::data::{DataError, Logs, NoiseLevels, Run, Settings};
+use crate::estimate::QrFactor;
+use crate::identify::{self, Options};
+use crate::signals::{Method, SignalError};
+
+/// The order of the filters that are tried.
+const ORDER: usize = 4;
+/// Cutoffs of the grid between 1 and 10 Hz; the others are these times powers of ten.
+const DECADE: [f64; 8] = [1.0, 1.3, 1.8, 2.4, 3.2, 4.2, 5.6, 7.5];
+/// The lowest cutoff has so many periods in the logs.
+const MIN_PERIODS: f64 = 10.0;
+/// The highest cutoff over the rate of the rows.
+const MAX_CUTOFF_RATIO: f64 = 0.3;
+/// The rate at which a cutoff is tried, over the cutoff.
+const TRIAL_RATE: f64 = 16.0;
+/// The rate of the equations that the estimate is computed from, over the cutoff.
+const EQUATION_RATE: f64 = 10.0;
+/// The largest number of rows of each log on which cutoffs are tried.
+const MAX_ROWS: usize = 1 << 17;
+/// A cutoff is better than a lower one if its mean square error is smaller by this part.
+const BETTER: f64 = 0.03;
+/// So many cutoffs in a row that are not better than the best one end the search.
+const PATIENCE: usize = 5;
+
+/// A cutoff that was tried.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Candidate {
+    /// The cutoff, Hz.
+    pub cutoff: f64,
+    /// What noise leaves unknown of the predicted efforts, rms, percent of the efforts.
+    pub deviation: f64,
+    /// What the noise of the motion biases of them, rms, percent of the efforts.
+    pub bias: f64,
+    /// By how much they differ from those of lower cutoffs beyond the deviations of both, rms, percent of
+    /// the efforts.
+    pub apart: f64,
+}
+
+/// How the positions of logs are differentiated.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Choice {
+    /// The filter of the equations.
+    pub method: Method,
+    /// One of so many filtered equations is used.
+    pub decimation: usize,
+    /// The rate of the even grid that rows with an uneven clock are interpolated onto, Hz.
+    pub resample: Option<f64>,
+    /// All cutoffs that were tried, in rising order.
+    pub candidates: Vec<Candidate>,
+}
+
+impl Choice {
+    /// The settings with this choice.
+    #[must_use]
+    pub fn applied(&self, settings: &Settings) -> Settings {
+        Settings {
+            method: self.method,
+            decimation: self.decimation,
+            resample: self.resample.or(settings.resample),
+            ..settings.clone()
+        }
+    }
+
+    /// The cutoff of the filter, Hz.
+    pub fn cutoff(&self) -> f64 {
+        match self.method {
+            Method::Butterworth { cutoff, .. } => cutoff,
+            _ => f64::NAN,
+        }
+    }
+}
+
+/// The estimate with one cutoff.
+struct Trial {
+    cutoff: f64,
+    values: Vec<f64>,
+    covariance: Vec<f64>,
+    bias: Vec<f64>,
+    factor: QrFactor,
+    /// Whether the log is too short for the memory of the filter, so that the covariance is too small.
+    is_short: bool,
+}
+
+/// The mean squares of the errors of the predicted efforts with one cutoff, in weighted units.
+#[derive(Clone, Copy, Default)]
+struct Errors {
+    variance: f64,
+    bias: f64,
+    apart: f64,
+}
+
+impl Errors {
+    fn sum(self) -> f64 {
+        self.variance + self.bias + self.apart
+    }
+}
+
+/// Chooses how the positions of the logs are differentiated; `None` where there is nothing to choose: where
+/// all derivatives are measured, repetitions are averaged, or no cutoff determines the parameters.
+///
+/// # Errors
+/// When a log cannot be read.
+pub fn chosen<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    runs: &[Run],
+) -> Result<Option<Choice>, SessionError> {
+    if session.reading.period.is_some() {
+        return Ok(None);
+    }
+    let mut reading = Settings {
+        method: Method::Central,
+        decimation: 1,
+        ..session.reading.clone()
+    };
+    session.watch.phase("choosing a filter");
+    let opened = Logs::open(session.model, runs, &reading)?;
+    if !opened.is_differentiated() {
+        session.watch.finished();
+        return Ok(None);
+    }
+    let mut resample = None;
+    let mut logs = opened.in_memory(MAX_ROWS)?;
+    let mut found = search(session, &logs);
+    if let (Err(DataError::Signal { why: SignalError::NotUniform { .. }, .. }), None) =
+        (&found, reading.resample)
+    {
+        // a filter needs rows at even times
+        let steps = logs.durations();
+        let step = steps.iter().map(|(step, _)| *step).fold(f64::INFINITY, f64::min);
+        resample = Some(nice(1.0 / step));
+        reading.resample = resample;
+        logs = Logs::open(session.model, runs, &reading)?.in_memory(MAX_ROWS)?;
+        found = search(session, &logs);
+    }
+    session.watch.finished();
+    let (trials, errors, best) = found?;
+    let Some(trial) = trials.get(best) else {
+        return Ok(None);
+    };
+    let efforts = mean_square(&trial.factor);
+    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    let candidates = trials.iter().zip(&errors).map(|(trial, own)| Candidate {
+        cutoff: trial.cutoff,
+        deviation: percent(own.variance),
+        bias: percent(own.bias),
+        apart: percent(own.apart),
+    });
+    let steps = logs.durations();
+    let rate = steps.iter().map(|(step, _)| 1.0 / step).fold(f64::INFINITY, f64::min);
+    Ok(Some(Choice {
+        method: Method::Butterworth {
+            order: ORDER,
+            cutoff: trial.cutoff,
+        },
+        decimation: whole(rate / (EQUATION_RATE * trial.cutoff)),
+        resample,
+        candidates: candidates.collect(),
+    }))
+}
+
+/// Tries cutoffs in rising order, until more of them are not better; returns all, their errors, and the
+/// index of the best.
+fn search<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &Logs<'_, M>,
+) -> Result<(Vec<Trial>, Vec<Errors>, usize), DataError> {
+    let levels = logs.noise_levels();
+    let durations = logs.durations();
+    let rate = durations.iter().map(|(step, _)| 1.0 / step).fold(f64::INFINITY, f64::min);
+    let length: f64 = durations.iter().map(|(_, length)| length).sum();
+    let mut trials: Vec<Trial> = Vec::new();
+    let mut errors = Vec::new();
+    let mut best = 0;
+    for cutoff in cutoffs(MIN_PERIODS / length, MAX_CUTOFF_RATIO * rate) {
+        match trial(session, logs, &levels, cutoff, rate) {
+            Ok(found) => trials.push(found),
+            Err(error @ DataError::Signal { why: SignalError::NotUniform { .. }, .. }) => {
+                return Err(error);
+            }
+            Err(error) if is_undetermined(&error) => continue,
+            Err(error) => return Err(error),
+        }
+        // the errors of efforts are those in the data of the best cutoff
+        for _ in 0..2 {
+            errors = all_errors(&trials, best);
+            best = lowest(&trials, &errors);
+        }
+        if trials.len() > best + PATIENCE {
+            break;
+        }
+    }
+    Ok((trials, errors, best))
+}
+
+/// The cutoffs of the grid within these bounds, Hz.
+fn cutoffs(least: f64, most: f64) -> Vec<f64> {
+    let decades = (-3..=5).flat_map(|power| {
+        let unit = 10_f64.powi(power);
+        DECADE.iter().map(move |x| x * unit)
+    });
+    let all = decades.filter(|c| (least..=most).contains(c));
+    // decimals, as they are printed
+    all.map(|c| format!("{c:.6}").parse().unwrap_or(c)).collect()
+}
+
+fn trial<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &Logs<'_, M>,
+    levels: &[Vec<NoiseLevels>],
+    cutoff: f64,
+    rate: f64,
+) -> Result<Trial, DataError> {
+    let method = Method::Butterworth {
+        order: ORDER,
+        cutoff,
+    };
+    let every = whole(rate / (TRIAL_RATE * cutoff));
+    let mut logs = logs.thinned(method, every)?;
+    let options = Options {
+        lags: 1,
+        ..session.options
+    };
+    let found = identify::identify(session.model, session.kind, &options, &mut logs)?;
+    let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
+    let motion = NoisyMotion {
+        model: session.model,
+        kind: session.kind,
+        logs: &logs,
+        levels,
+        cutoff,
+    };
+    Ok(Trial {
+        cutoff,
+        bias: motion.bias(&weights)?,
+        values: found.estimate.values,
+        is_short: found.deviations.short(),
+        covariance: found.deviations.covariance,
+        factor: found.factor,
+    })
+}
+
+/// The errors of all trials in the data of the best one.
+fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
+    let Some(factor) = trials.get(best).map(|own| &own.factor) else {
+        return Vec::new();
+    };
+    let rows = factor.rows().max(1) as f64;
+    let square = |x: &[f64]| factor.times_r(x).iter().map(|x| x * x).sum::<f64>() / rows;
+    let n = factor.columns();
+    let variance = |covariance: &[f64]| {
+        // the trace of R C R^T: R times the columns of C, then times the rows of that
+        let columns = covariance.chunks_exact(n.max(1)).map(|c| factor.times_r(c));
+        let columns: Vec<Vec<f64>> = columns.collect();
+        let mut sum = 0.0;
+        for k in 0..n {
+            let row: Vec<f64> = columns.iter().map(|c| c.get(k).copied().unwrap_or(0.0)).collect();
+            sum += factor.times_r(&row).get(k).copied().unwrap_or(0.0);
+        }
+        sum / rows
+    };
+    let mut all: Vec<Errors> = Vec::with_capacity(trials.len());
+    for trial in trials {
+        let mut own = Errors {
+            variance: variance(&trial.covariance),
+            bias: square(&trial.bias),
+            apart: 0.0,
+        };
+        for (lower, errors) in trials.iter().zip(&all).filter(|(t, _)| !t.is_short) {
+            let difference: Vec<f64> = (trial.values.iter().zip(&lower.values))
+                .map(|(a, b)| a - b)
+                .collect();
+            let explained = own.variance + own.bias + errors.variance + errors.bias;
+            own.apart = own.apart.max(square(&difference) - explained);
+        }
+        all.push(own);
+    }
+    all
+}
+
+/// The index of the trial with the smallest error; of those that are nearly as good the first.
+fn lowest(trials: &[Trial], errors: &[Errors]) -> usize {
+    let is_any_long = trials.iter().any(|own| !own.is_short);
+    let mut best: Option<(usize, f64)> = None;
+    for (k, (trial, own)) in trials.iter().zip(errors).enumerate() {
+        let error = own.sum();
+        if trial.is_short && is_any_long || !error.is_finite() {
+            continue;
+        }
+        if best.is_none_or(|(_, least)| error < (1.0 - BETTER) * least) {
+            best = Some((k, error));
+        }
+    }
+    best.map_or(0, |(k, _)| k)
+}
+
+/// The mean square of the weighted efforts of a factor.
+fn mean_square(factor: &QrFactor) -> f64 {
+    let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
+    squares / factor.rows().max(1) as f64
+}
+
+/// A rate in Hz with three digits.
+fn nice(rate: f64) -> f64 {
+    format!("{rate:.2e}").parse().unwrap_or(rate)
+}
+
+/// The whole number below a ratio, at least 1.
+#[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
+fn whole(ratio: f64) -> usize {
+    ratio.floor().max(1.0) as usize
+}
