@@ -77,18 +77,18 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
-    let filtered = if has_loads || args.logs.is_empty() {
+    let mut args = args.clone();
+    let simulates = matches!(
+        args.estimator,
+        Some(EstimatorArg::Didim | EstimatorArg::Response)
+    );
+    let filter = if simulates {
         None
     } else {
-        choice::made(args, &session(args, &model))?
+        let session = session(&args, &model);
+        choice::made(&mut args.reading, &session.in_amperes(), &args.logs)?
     };
-    if let Some((_, choice)) = &filtered {
-        for c in &choice.candidates {
-            eprintln!("{c:?}");
-        }
-        eprintln!("chosen {:?} {}", choice.method, choice.decimation);
-    }
-    let args = filtered.as_ref().map_or(args, |(args, _)| args);
+    let args = &args;
     let corrected = if has_loads {
         // found together with gains and payloads
         None
@@ -96,11 +96,16 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         delay::corrected(args, &session(args, &model))?
     };
     let args = corrected.as_ref().unwrap_or(args);
-    let Outcome { json, identified } = if has_loads {
+    let Outcome {
+        mut json,
+        mut identified,
+    } = if has_loads {
         identify_loads::solve(args, &robot, &session(args, &model), &source)?
     } else {
         solve(args, &model)?
     };
+    json.file.filter.clone_from(&filter);
+    identified.provenance.filter = filter;
     let mut written = Vec::new();
     if let Some(out) = &args.out {
         written.push((out, parameters::text(&json.file, out)?));
@@ -163,7 +168,11 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
         model: digest(model),
         logs,
         date: args.date.clone(),
+        filter: None,
     };
+    if identified.intervals.bias.is_empty() && !args.iv {
+        identified.intervals.bias.clone_from(&start.intervals.bias);
+    }
     if args.before.covariance {
         identified.covariance = Some(covariance(&start, more)?);
     }

@@ -227,6 +227,7 @@ pub(crate) fn solve(
             names
         },
         date: args.date.clone(),
+        filter: None,
     };
     if !args.before.covariance {
         identified.covariance = None;

@@ -14,7 +14,7 @@ use crate::args::{
 };
 use crate::exit::Failure;
 use crate::watch::TERMINAL;
-use crate::{delay, experiment, load, table, terminal, write};
+use crate::{choice, delay, experiment, load, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// Runs the command.
@@ -27,6 +27,10 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     require_base(&model, &robot.name)?;
+    let filter = {
+        let session = session(&model, &args.reading);
+        choice::made(&mut args.reading, &session, &args.logs)?
+    };
     let (reading, corrected_delays) =
         delay::found_for(&args.reading, &session(&model, &args.reading), &args.logs)?;
     args.reading = reading;
@@ -35,7 +39,10 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
     let files = logs.logs().reports().iter().map(LogFile::new).collect();
-    let found = Observed::new(&set, &left_out, corrected_delays, files);
+    let found = Observed {
+        filter,
+        ..Observed::new(&set, &left_out, corrected_delays, files)
+    };
     terminal::print(&match args.format {
         Format::Json => table::document(&found),
         Format::Human => observed_text(&found),

@@ -7,12 +7,13 @@ use regen_identify::IdentifiedModel;
 use regen_identify::estimate::EffortError;
 use regen_identify::files::Predictions;
 use regen_identify::identify::{self, LeftOut};
-use regen_report::results::{corrected_delays_text, resting, stem};
+use regen_identify::session::Choice;
+use regen_report::results::{corrected_delays_text, filter_text, resting, stem};
 use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};
 use crate::exit::Failure;
-use crate::{delay, experiment, load, loads, observe, parameters, table, terminal, write};
+use crate::{choice, delay, experiment, load, loads, observe, parameters, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen validate`.
@@ -21,10 +22,28 @@ struct ValidateJson {
     robot: String,
     kind: String,
     logs: Vec<String>,
+    /// The filter that was chosen, for the parameters or from these logs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    filter: Option<Choice>,
     /// The delays of efforts that were found and corrected, s.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     corrected_delays: Vec<(String, f64)>,
     models: Vec<Predicted>,
+}
+
+/// Chooses a filter where none is given: the one that was chosen for the parameters, or else one from the
+/// logs; returns it.
+fn chosen(args: &mut ValidateArgs, model: &Interpreted<'_>) -> Result<Option<Choice>, Failure> {
+    if !choice::is_open(&args.reading) {
+        return Ok(None);
+    }
+    let first = parameters::read(&args.params, model)?;
+    if let Some(filter) = first.provenance.filter {
+        choice::pin(&filter, &mut args.reading);
+        return Ok(Some(filter));
+    }
+    let session = observe::session(model, &args.reading).in_amperes();
+    choice::made(&mut args.reading, &session, &args.logs)
 }
 
 /// The prediction errors of one set of parameters on all logs.
@@ -60,6 +79,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
+    let filter = chosen(&mut args, &model)?;
     let (reading, corrected_delays) = delay::of_named(&args.reading, &model, &args.logs)?;
     args.reading = reading;
     let kind = observe::kind(&args.reading);
@@ -122,6 +142,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         robot: robot.name.clone(),
         kind: kind.name(),
         logs: args.logs.iter().map(ToString::to_string).collect(),
+        filter,
         corrected_delays,
         models: models.into_iter().map(|(_, predicted)| predicted).collect(),
     };
@@ -137,6 +158,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
 
 fn to_text(json: &ValidateJson) -> String {
     let mut out = format!("{}, eps_RA in percent\n", json.robot);
+    out.push_str(&filter_text(json.filter.as_ref()));
     out.push_str(&corrected_delays_text(&json.corrected_delays));
     // the number of logs whose columns fit on a line
     const BLOCK: usize = 5;

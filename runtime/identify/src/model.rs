@@ -4,6 +4,7 @@ use crate::data::DataError;
 use crate::estimate::{Estimate, EstimateError, Residuals};
 use crate::friction::{JointEfforts, JointFit};
 use crate::identify::{EquationBuilder, EquationKind, Source, equations};
+use crate::session::Choice;
 use regen_runtime::{BaseModel, Parameter, SizeError};
 
 /// Standard deviation and confidence interval of an estimated value.
@@ -31,6 +32,9 @@ pub struct Intervals {
     pub physical: Vec<Option<Interval>>,
     /// Intervals of the coefficients of nonlinear friction, joint by joint.
     pub friction: Vec<Vec<Option<Interval>>>,
+    /// By how much the noise of the measured motion may move each base parameter, which its deviation
+    /// contains; empty where it is not known.
+    pub bias: Vec<f64>,
     /// How the intervals were computed, in words.
     pub method: String,
 }
@@ -124,7 +128,7 @@ impl Covariance {
 }
 
 /// Where an identified model came from.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Provenance {
     /// The [`digest`](crate::identify::digest) of the robot's model; empty where it is not known.
     pub model: String,
@@ -132,6 +136,8 @@ pub struct Provenance {
     pub logs: Vec<String>,
     /// The date of the identification, as the caller gives it.
     pub date: Option<String>,
+    /// The filter that was chosen from the logs.
+    pub filter: Option<Choice>,
 }
 
 /// The identified values of a model, by any of the estimators.

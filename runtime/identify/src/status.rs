@@ -19,6 +19,8 @@ const NEGLIGIBLE_DEVIATION_PERCENT: f64 = 1.0;
 /// measured to a ten-thousandth, and the errors of differentiation and sampling, which no standard
 /// deviation includes, are larger.
 const NO_EFFECT_PERCENT: f64 = 0.01;
+/// The part of a value's variance that noise of the motion may have.
+const MAX_BIASED_PART: f64 = 0.5;
 /// Columns whose norm is below this part of the largest norm are rounding errors.
 const RELATIVE_ROUNDING: f64 = 1e-12;
 
@@ -39,6 +41,9 @@ pub enum Status {
     /// The parameter's column is zero in these data.
     #[serde(rename = "unseen")]
     Unseen,
+    /// Noise of the measured motion moves the value by more than all other errors do.
+    #[serde(rename = "biased")]
+    Biased,
     /// The parameter was left out of the model on purpose.
     #[serde(rename = "left out")]
     LeftOut,
@@ -49,10 +54,11 @@ pub enum Status {
 
 impl Status {
     /// All statuses, in the order in which they are counted.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Well,
         Self::Zero,
         Self::Poor,
+        Self::Biased,
         Self::Unseen,
         Self::LeftOut,
         Self::Unknown,
@@ -65,6 +71,7 @@ impl Status {
             Self::Unknown => "-",
             Self::Well => "well",
             Self::Poor => "poor",
+            Self::Biased => "biased",
             Self::Unseen => "unseen",
             Self::LeftOut => "left out",
         }
@@ -138,6 +145,18 @@ impl EffortContributions {
             return 0.0;
         }
         100.0 * column * value.abs() / self.efforts
+    }
+
+    /// The same as [`status`](Self::status) of a value that noise of the motion moves by `bias`, of which
+    /// `sigma` contains as much: where that is more than half of the variance, and the deviation matters,
+    /// the value is biased.
+    pub fn status_with_bias(&self, parameter: usize, value: f64, sigma: f64, bias: f64) -> Status {
+        let found = self.status(parameter, value, sigma);
+        let is_moved = bias * bias > MAX_BIASED_PART * sigma * sigma;
+        match found {
+            Status::Well | Status::Poor if is_moved => Status::Biased,
+            other => other,
+        }
     }
 
     /// The status of a parameter with this value and this standard deviation `sigma`, which is NaN

@@ -3,9 +3,10 @@
 use regen_codegen::explain::lines::{columns, field};
 use regen_identify::estimate::FactorSet;
 use regen_identify::identify::LeftOut;
+use regen_identify::session::Choice;
 use serde::Serialize;
 
-use super::{LogFile, corrected_delays_text, resting};
+use super::{LogFile, corrected_delays_text, filter_text, resting};
 
 /// What a file of QR factors holds, and what was left out of the logs, as they are serialised.
 #[derive(Debug, Serialize)]
@@ -17,6 +18,9 @@ pub struct Observed<'a> {
     efforts: Vec<Rows<'a>>,
     singular: usize,
     left_out: &'a LeftOut,
+    /// The filter that was chosen from the logs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filter: Option<Choice>,
     /// The delays of efforts that were found and corrected, s.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     corrected_delays: Vec<(String, f64)>,
@@ -50,6 +54,7 @@ impl<'a> Observed<'a> {
             efforts: rows.collect(),
             singular: left_out.singular,
             left_out,
+            filter: None,
             corrected_delays,
             files,
         }
@@ -67,6 +72,7 @@ pub fn observed_text(found: &Observed<'_>) -> String {
     if found.singular > 0 {
         out.push_str(&field("singular", &found.singular.to_string()));
     }
+    out.push_str(&filter_text(found.filter.as_ref()));
     out.push_str(&corrected_delays_text(&found.corrected_delays));
     out.push_str(&resting(found.left_out));
     out.push_str(&columns(&["effort", "equations"], &lines));

@@ -257,6 +257,11 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         })
     }
 
+    /// How the logs are read.
+    pub(crate) fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// Summaries of the files, in the order of the paths; the number of states and the states that
     /// do not close are those of the last pass.
     pub fn reports(&self) -> &[FileReport] {

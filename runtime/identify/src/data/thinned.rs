@@ -73,6 +73,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         }
         let mut all = self.with_files(files);
         all.settings.method = method;
+        all.settings.decimation = 1;
         Ok(all)
     }
 

@@ -393,6 +393,19 @@ impl QrFactor {
         self.rows >= n && condition < SURE_PART / RANK_TOLERANCE
     }
 
+    /// The factor of equations whose solution differs by `change`, with the same residuals: R of this one,
+    /// and `z + R change`.
+    ///
+    /// - `change`: of each of the n parameters, in its unit.
+    #[must_use]
+    pub(crate) fn moved_by(&self, change: &[f64]) -> Self {
+        let z = self.z.iter().zip(self.times_r(change));
+        Self {
+            z: z.map(|(z, more)| z + more).collect(),
+            ..self.clone()
+        }
+    }
+
     /// R x.
     pub(crate) fn times_r(&self, x: &[f64]) -> Vec<f64> {
         let n = self.columns();

@@ -27,6 +27,7 @@ pub use states::{MotionState, State, states};
 use crate::feasibility::ParameterLayout;
 use crate::identify::digest;
 use crate::model::{IdentifiedModel, Provenance};
+use crate::session::Choice;
 use crate::status::{EffortContributions, Status};
 
 /// The format of a file.
@@ -98,6 +99,9 @@ pub struct ParameterFile {
     /// The date of the identification, as the caller gave it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub date: Option<String>,
+    /// The filter that was chosen from the logs, where none was given; `validate` uses it too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter: Option<Choice>,
     /// The verdict on the physical feasibility, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub feasibility: Option<String>,
@@ -163,7 +167,8 @@ impl ParameterFile {
             let status = if identified.left_out.contains(&k) {
                 Status::LeftOut
             } else {
-                shares.status(k, *value, sigma)
+                let bias = identified.intervals.bias.get(k).copied().unwrap_or(0.0);
+                shares.status_with_bias(k, *value, sigma, bias)
             };
             let share = shares.percent(k, *value);
             ParameterRow::new(parameter, &info, *value, interval, share, status)
@@ -174,6 +179,7 @@ impl ParameterFile {
             method: identified.name.clone(),
             logs: identified.provenance.logs.clone(),
             date: identified.provenance.date.clone(),
+            filter: identified.provenance.filter.clone(),
             feasibility: (!identified.feasibility.is_empty())
                 .then(|| identified.feasibility.clone()),
             gap: identified.gap,
@@ -222,6 +228,8 @@ struct FileContent {
     logs: Vec<String>,
     #[serde(default)]
     date: Option<String>,
+    #[serde(default)]
+    filter: Option<Choice>,
     parameters: Vec<ReadRow>,
     #[serde(default)]
     physical: Vec<ReadRow>,
@@ -287,6 +295,7 @@ impl IdentifiedModel {
                     model: file.model,
                     logs: file.logs,
                     date: file.date,
+                    filter: file.filter,
                 };
                 for row in &file.friction {
                     identified.friction.push(row.joint()?);

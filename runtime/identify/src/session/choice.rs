@@ -9,12 +9,14 @@
 //! smallest mean square of all three, as errors of efforts, is chosen.
 
 use regen_runtime::BaseModel;
+use serde::{Deserialize, Serialize};
 
-use super::motion_noise::{NoisyMotion, is_undetermined};
+use super::motion_noise::{RATE_PER_CUTOFF, bias_of_noise, is_undetermined, values, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Run, Settings};
 use crate::estimate::QrFactor;
-use crate::identify::{self, Options};
+use crate::friction::{nonlinear_joints, with_linear_friction};
+use crate::identify::{self, EquationKind, Options};
 use crate::signals::{Method, SignalError};
 
 /// The order of the filters that are tried.
@@ -25,19 +27,27 @@ const DECADE: [f64; 8] = [1.0, 1.3, 1.8, 2.4, 3.2, 4.2, 5.6, 7.5];
 const MIN_PERIODS: f64 = 10.0;
 /// The highest cutoff over the rate of the rows.
 const MAX_CUTOFF_RATIO: f64 = 0.3;
-/// The rate at which a cutoff is tried, over the cutoff.
-const TRIAL_RATE: f64 = 16.0;
 /// The rate of the equations that the estimate is computed from, over the cutoff.
 const EQUATION_RATE: f64 = 10.0;
 /// The largest number of rows of each log on which cutoffs are tried.
 const MAX_ROWS: usize = 1 << 17;
+/// A bias counts as much as a variance if it is half as large as the deviation: an interval that is
+/// moved by more does not hold the truth as often as it says.
+const BIAS_WEIGHT: f64 = 4.0;
+/// The square of a difference of two estimates is by chance at most this many times the sum of their
+/// variances.
+const CHANCE: f64 = 4.0;
 /// A cutoff is better than a lower one if its mean square error is smaller by this part.
 const BETTER: f64 = 0.03;
+/// Cutoffs with at most this many times the smallest mean square error are as good: it is estimated
+/// from few independent samples. The highest of them is chosen, with which fewer rows are lost at the
+/// ends of the log and more independent samples remain.
+const AS_GOOD: f64 = 1.7;
 /// So many cutoffs in a row that are not better than the best one end the search.
 const PATIENCE: usize = 5;
 
 /// A cutoff that was tried.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Candidate {
     /// The cutoff, Hz.
@@ -46,22 +56,26 @@ pub struct Candidate {
     pub deviation: f64,
     /// What the noise of the motion biases of them, rms, percent of the efforts.
     pub bias: f64,
-    /// By how much they differ from those of lower cutoffs beyond the deviations of both, rms, percent of
-    /// the efforts.
+    /// By how much they differ from those of a lower cutoff beyond what the deviations of both explain,
+    /// rms, percent of the efforts.
     pub apart: f64,
 }
 
-/// How the positions of logs are differentiated.
-#[derive(Clone, Debug, PartialEq)]
+/// How the positions of logs are differentiated: a zero-phase Butterworth filter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Choice {
-    /// The filter of the equations.
-    pub method: Method,
+    /// The filter's order.
+    pub order: usize,
+    /// The cutoff of the filter of the equations, Hz.
+    pub cutoff: f64,
     /// One of so many filtered equations is used.
     pub decimation: usize,
     /// The rate of the even grid that rows with an uneven clock are interpolated onto, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resample: Option<f64>,
     /// All cutoffs that were tried, in rising order.
+    #[serde(default)]
     pub candidates: Vec<Candidate>,
 }
 
@@ -70,18 +84,18 @@ impl Choice {
     #[must_use]
     pub fn applied(&self, settings: &Settings) -> Settings {
         Settings {
-            method: self.method,
+            method: self.method(),
             decimation: self.decimation,
             resample: self.resample.or(settings.resample),
             ..settings.clone()
         }
     }
 
-    /// The cutoff of the filter, Hz.
-    pub fn cutoff(&self) -> f64 {
-        match self.method {
-            Method::Butterworth { cutoff, .. } => cutoff,
-            _ => f64::NAN,
+    /// The filter of the equations.
+    pub fn method(&self) -> Method {
+        Method::Butterworth {
+            order: self.order,
+            cutoff: self.cutoff,
         }
     }
 }
@@ -107,7 +121,7 @@ struct Errors {
 
 impl Errors {
     fn sum(self) -> f64 {
-        self.variance + self.bias + self.apart
+        self.variance + BIAS_WEIGHT * self.bias + self.apart
     }
 }
 
@@ -120,7 +134,7 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     runs: &[Run],
 ) -> Result<Option<Choice>, SessionError> {
-    if session.reading.period.is_some() {
+    if session.reading.period.is_some() || session.kind != EquationKind::Forces {
         return Ok(None);
     }
     let mut reading = Settings {
@@ -164,10 +178,8 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
     let steps = logs.durations();
     let rate = steps.iter().map(|(step, _)| 1.0 / step).fold(f64::INFINITY, f64::min);
     Ok(Some(Choice {
-        method: Method::Butterworth {
-            order: ORDER,
-            cutoff: trial.cutoff,
-        },
+        order: ORDER,
+        cutoff: trial.cutoff,
         decimation: whole(rate / (EQUATION_RATE * trial.cutoff)),
         resample,
         candidates: candidates.collect(),
@@ -205,6 +217,7 @@ fn search<M: BaseModel<f64> + ?Sized>(
             break;
         }
     }
+    let best = highest(&trials, &errors);
     Ok((trials, errors, best))
 }
 
@@ -230,25 +243,35 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         order: ORDER,
         cutoff,
     };
-    let every = whole(rate / (TRIAL_RATE * cutoff));
+    let every = whole(rate / (RATE_PER_CUTOFF * cutoff));
     let mut logs = logs.thinned(method, every)?;
     let options = Options {
         lags: 1,
         ..session.options
     };
-    let found = identify::identify(session.model, session.kind, &options, &mut logs)?;
-    let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-    let motion = NoisyMotion {
-        model: session.model,
-        kind: session.kind,
-        logs: &logs,
-        levels,
-        cutoff,
+    // friction that is not among the base parameters is linear here
+    let is_linear = nonlinear_joints(session.model).is_empty();
+    let fit = |logs: &mut Logs<'_, M>| {
+        if is_linear {
+            identify::identify(session.model, session.kind, &options, logs)
+        } else {
+            with_linear_friction(session.model, &options, logs)
+        }
     };
+    let found = fit(&mut logs)?;
+    let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
+    let bias = bias_of_noise(&logs, levels, cutoff, |logs| {
+        if is_linear {
+            values(session, &weights, logs)
+        } else {
+            Ok(fit(logs)?.estimate.values)
+        }
+    })?;
+    let pairs = found.estimate.values.iter().zip(&bias);
     Ok(Trial {
         cutoff,
-        bias: motion.bias(&weights)?,
-        values: found.estimate.values,
+        values: pairs.map(|(x, bias)| x - bias).collect(),
+        bias,
         is_short: found.deviations.short(),
         covariance: found.deviations.covariance,
         factor: found.factor,
@@ -286,7 +309,7 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
                 .map(|(a, b)| a - b)
                 .collect();
             let explained = own.variance + own.bias + errors.variance + errors.bias;
-            own.apart = own.apart.max(square(&difference) - explained);
+            own.apart = own.apart.max(square(&difference) - CHANCE * explained);
         }
         all.push(own);
     }
@@ -295,18 +318,33 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
 
 /// The index of the trial with the smallest error; of those that are nearly as good the first.
 fn lowest(trials: &[Trial], errors: &[Errors]) -> usize {
-    let is_any_long = trials.iter().any(|own| !own.is_short);
     let mut best: Option<(usize, f64)> = None;
-    for (k, (trial, own)) in trials.iter().zip(errors).enumerate() {
-        let error = own.sum();
-        if trial.is_short && is_any_long || !error.is_finite() {
-            continue;
-        }
-        if best.is_none_or(|(_, least)| error < (1.0 - BETTER) * least) {
-            best = Some((k, error));
+    for (k, own) in usable(trials, errors) {
+        if best.is_none_or(|(_, least)| own < (1.0 - BETTER) * least) {
+            best = Some((k, own));
         }
     }
     best.map_or(0, |(k, _)| k)
+}
+
+/// The index of the highest cutoff that is as good as the best.
+fn highest(trials: &[Trial], errors: &[Errors]) -> usize {
+    let least = usable(trials, errors).map(|(_, own)| own).fold(f64::INFINITY, f64::min);
+    let good = usable(trials, errors).filter(|(_, own)| *own <= AS_GOOD * least);
+    good.map(|(k, _)| k).last().unwrap_or(0)
+}
+
+/// The indices and the errors of the trials that can be chosen: those with enough independent samples,
+/// or all if none has.
+fn usable<'t>(
+    trials: &'t [Trial],
+    errors: &'t [Errors],
+) -> impl Iterator<Item = (usize, f64)> + 't {
+    let all_short = trials.iter().all(|own| own.is_short);
+    let pairs = trials.iter().zip(errors).enumerate();
+    pairs
+        .filter(move |(_, (trial, own))| (all_short || !trial.is_short) && own.sum().is_finite())
+        .map(|(k, (_, own))| (k, own.sum()))
 }
 
 /// The mean square of the weighted efforts of a factor.
@@ -318,10 +356,4 @@ fn mean_square(factor: &QrFactor) -> f64 {
 /// A rate in Hz with three digits.
 fn nice(rate: f64) -> f64 {
     format!("{rate:.2e}").parse().unwrap_or(rate)
-}
-
-/// The whole number below a ratio, at least 1.
-#[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
-fn whole(ratio: f64) -> usize {
-    ratio.floor().max(1.0) as usize
 }

@@ -10,49 +10,101 @@ use regen_runtime::BaseModel;
 
 use crate::data::{DataError, Logs, NoiseLevels};
 use crate::estimate::EstimateError;
-use crate::identify::{EquationKind, observe};
+use crate::identify::{Identified, observe};
+use crate::signals::Method;
+
+use super::Session;
 
 /// The added noise over that of the log: small, so that joints rest and turn in the same rows.
 const SCALE: f64 = 0.5;
 
-/// Logs in memory, and the noise of what they measure of the motion.
-pub(super) struct NoisyMotion<'l, 'm, M: ?Sized> {
-    pub(super) model: &'m M,
-    pub(super) kind: EquationKind,
-    /// In memory, with the method that is judged, at the rate at which it is.
-    pub(super) logs: &'l Logs<'m, M>,
-    /// The noise levels of the columns of motion of each log.
-    pub(super) levels: &'l [Vec<NoiseLevels>],
-    /// The frequency up to which the equations keep noise, Hz.
-    pub(super) cutoff: f64,
+/// By how much the noise of the motion changes each least-squares parameter, SI: the values that are found
+/// less those without noise, to the first order of its variance.
+///
+/// - `logs`: in memory, with the method that is judged, at the rate at which it is;
+/// - `levels`: the noise levels of the columns of motion of each log;
+/// - `cutoff`: the frequency up to which the equations keep noise, Hz;
+/// - `fit`: the least-squares parameters of logs.
+///
+/// # Errors
+/// Those of `fit`.
+pub(super) fn bias_of_noise<M: BaseModel<f64> + ?Sized>(
+    logs: &Logs<'_, M>,
+    levels: &[Vec<NoiseLevels>],
+    cutoff: f64,
+    mut fit: impl FnMut(&mut Logs<'_, M>) -> Result<Vec<f64>, DataError>,
+) -> Result<Vec<f64>, DataError> {
+    let deviations: Vec<Vec<f64>> = (logs.durations().iter().zip(levels))
+        .map(|((step, _), levels)| {
+            let deviation = |own: &NoiseLevels| (own.density(cutoff) / step).sqrt();
+            levels.iter().map(deviation).collect()
+        })
+        .collect();
+    let mut at = |scale: f64| fit(&mut logs.disturbed(scale, &deviations));
+    let [without, added, subtracted] = [at(0.0)?, at(SCALE)?, at(-SCALE)?];
+    let pairs = added.iter().zip(&subtracted).zip(&without);
+    Ok(pairs
+        .map(|((a, b), x)| (0.5 * (a + b) - x) / (SCALE * SCALE))
+        .collect())
 }
 
-impl<M: BaseModel<f64> + ?Sized> NoisyMotion<'_, '_, M> {
-    /// By how much the noise of the motion changes each least-squares parameter, SI: the values that are
-    /// found less those without noise, to the first order of its variance.
-    ///
-    /// - `weights`: those of the efforts.
-    ///
-    /// # Errors
-    /// When the logs do not determine the parameters.
-    pub(super) fn bias(&self, weights: &[f64]) -> Result<Vec<f64>, DataError> {
-        let deviations: Vec<Vec<f64>> = (self.logs.durations().iter().zip(self.levels))
-            .map(|((step, _), levels)| {
-                let deviation = |own: &NoiseLevels| (own.density(self.cutoff) / step).sqrt();
-                levels.iter().map(deviation).collect()
-            })
-            .collect();
-        let fit = |scale: f64| -> Result<Vec<f64>, DataError> {
-            let mut logs = self.logs.disturbed(scale, &deviations);
-            let (set, _) = observe(self.model, self.kind, &mut logs)?;
-            Ok(set.combined(weights)?.solve()?)
-        };
-        let [without, added, subtracted] = [fit(0.0)?, fit(SCALE)?, fit(-SCALE)?];
-        let pairs = added.iter().zip(&subtracted).zip(&without);
-        Ok(pairs
-            .map(|((a, b), x)| (0.5 * (a + b) - x) / (SCALE * SCALE))
-            .collect())
+/// The least-squares parameters of logs with given weights of the efforts.
+///
+/// # Errors
+/// When the logs do not determine the parameters.
+pub(super) fn values<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    weights: &[f64],
+    logs: &mut Logs<'_, M>,
+) -> Result<Vec<f64>, DataError> {
+    let (set, _) = observe(session.model, session.kind, logs)?;
+    Ok(set.combined(weights)?.solve()?)
+}
+
+/// The largest number of rows of each log that noise is added to.
+const MAX_ROWS: usize = 1 << 17;
+/// The rate of rows behind a low-pass filter over its cutoff: those left out tell nothing more.
+pub(super) const RATE_PER_CUTOFF: f64 = 16.0;
+/// The frequency below which differences of neighbouring rows keep noise, over the rate of the rows.
+const OF_DIFFERENCES: f64 = 0.35;
+
+/// By how much noise of the motion biases the parameters of a fit to logs, as they are read; `None` where
+/// no motion is differentiated, or the part of the logs that fits into memory does not determine them.
+///
+/// # Errors
+/// When a log cannot be read.
+pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &Logs<'_, M>,
+    found: &Identified,
+) -> Result<Option<Vec<f64>>, DataError> {
+    if !logs.is_differentiated() {
+        return Ok(None);
     }
+    let kept = logs.in_memory(MAX_ROWS)?;
+    let steps = kept.durations();
+    let step = steps.iter().map(|(step, _)| *step).fold(f64::INFINITY, f64::min);
+    let method = logs.settings().method;
+    let (cutoff, every) = match method {
+        Method::Butterworth { cutoff, .. } => (cutoff, whole(1.0 / (step * RATE_PER_CUTOFF * cutoff))),
+        Method::Local { half_width } => (0.5 / half_width, 1),
+        _ => (OF_DIFFERENCES / step, 1),
+    };
+    let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
+    let bias = kept.thinned(method, every).and_then(|thinned| {
+        bias_of_noise(&thinned, &kept.noise_levels(), cutoff, |logs| values(session, &weights, logs))
+    });
+    match bias {
+        Ok(bias) => Ok(Some(bias)),
+        Err(error) if is_undetermined(&error) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// The whole number below a ratio, at least 1.
+#[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
+pub(super) fn whole(ratio: f64) -> usize {
+    ratio.floor().max(1.0) as usize
 }
 
 /// Whether an error says that logs do not determine the parameters as they are read, so that another

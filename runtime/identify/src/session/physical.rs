@@ -109,6 +109,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
             base: found.base.iter().map(one).collect(),
             physical: found.physical.iter().map(|s| one(s.as_ref()?)).collect(),
             friction: Vec::new(),
+            bias: start.intervals.bias.clone(),
             method: describe_draws(found.replicates, &known),
         }
     };
@@ -170,6 +171,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
                 base: spread.base.iter().map(one).collect(),
                 physical: spread.physical.iter().map(|s| one(s.as_ref()?)).collect(),
                 friction: spread.joints.iter().map(of_joint).collect(),
+                bias: Vec::new(),
                 method: format!(
                     "linearised at the optimum; {}{short}{filter}",
                     describe_draws(spread.replicates, &spread.deviations.in_words())

@@ -3,6 +3,7 @@
 
 use regen_runtime::BaseModel;
 
+use super::motion_noise::motion_bias;
 use super::{MonitoredLogs, Session, SessionError, physical};
 use crate::data::{FileReport, Run};
 use crate::estimate::{
@@ -97,6 +98,9 @@ impl LeastSquaresStart {
     }
 }
 
+/// How deviations name that they contain what noise of the motion biases.
+const MOTION_NOISE: &str = "; and what noise of the measured motion biases";
+
 /// Number of passes that estimate the efforts' noise; it converges to a percent in two.
 const NOISE_PASSES: usize = 3;
 
@@ -117,22 +121,54 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         }
         EquationKind::Energy { .. } => "",
     };
+    let motion = add_motion_noise(session, logs, &mut identified)?;
+    let noise_note = match motion {
+        Some((_, is_mentioned)) if is_mentioned => MOTION_NOISE,
+        _ => "",
+    };
     let method = if let Some(n) = session.options.hac_bandwidth {
         format!(
-            "least squares, residuals correlated in {n} samples (Newey and West){sampling_note}"
+            "least squares, residuals correlated in {n} samples (Newey and West){sampling_note}{noise_note}"
         )
     } else {
         format!(
-            "least squares, {}{sampling_note}",
+            "least squares, {}{sampling_note}{noise_note}",
             identified.deviations.in_words()
         )
     };
+    let mut start = LeastSquaresStart::of_identified(identified, session.confidence, method);
+    start.intervals.bias = motion.map(|(bias, _)| bias).unwrap_or_default();
     Ok(LeastSquaresStart {
         kind: kind.name(),
         equations,
         reports: logs.logs().reports().to_vec(),
-        ..LeastSquaresStart::of_identified(identified, session.confidence, method)
+        ..start
     })
+}
+
+/// Corrects the parameters for what noise of the measured motion biases, and adds the size of the
+/// correction to their deviations: noise is known from the log alone. Returns it, and whether a deviation
+/// grows enough for it to be mentioned; `None` where no motion is differentiated.
+fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &MonitoredLogs<'_, M>,
+    identified: &mut Identified,
+) -> Result<Option<(Vec<f64>, bool)>, SessionError> {
+    session.watch.phase("adding noise to the motion");
+    let found = motion_bias(session, logs.logs(), identified);
+    session.watch.finished();
+    let Some(bias) = found? else {
+        return Ok(None);
+    };
+    let (increased, words) = identified.deviations.with_sampling(core::slice::from_ref(&bias));
+    identified.deviations = increased;
+    identified.blocks = identified.blocks.clone().with_change(&identified.factor, &bias);
+    let change: Vec<f64> = bias.iter().map(|x| -x).collect();
+    identified.factor = identified.factor.moved_by(&change);
+    for (value, change) in identified.estimate.values.iter_mut().zip(&change) {
+        *value += change;
+    }
+    Ok(Some((bias, !words.is_empty())))
 }
 
 /// Adds the errors that come from the sampling of the positions, and from efforts that are held between

@@ -3,6 +3,8 @@
 use regen_codegen::explain::lines::field;
 use regen_identify::data::FileReport;
 use regen_identify::identify::LeftOut;
+use regen_identify::session::{Candidate, Choice};
+use regen_identify::text::figure_of;
 use serde::Serialize;
 
 /// The statistics of one log that was read, as they are serialised.
@@ -38,6 +40,55 @@ impl LogFile {
                 .sum(),
         }
     }
+}
+
+/// The filter that was chosen and why, as lines of text; empty where none was.
+pub fn filter_text(choice: Option<&Choice>) -> String {
+    let Some(choice) = choice else {
+        return String::new();
+    };
+    let grid = choice.resample.map_or_else(String::new, |rate| {
+        format!(", on an even grid of {rate} Hz")
+    });
+    let mut out = field(
+        "filter",
+        &format!(
+            "--butterworth {},{} --decimate {}{grid}, chosen from {} cutoffs by",
+            choice.order,
+            choice.cutoff,
+            choice.decimation,
+            choice.candidates.len()
+        ),
+    );
+    let line = |own: &Candidate| {
+        let far = if own.apart > 0.0 {
+            format!(", and is {} % from that of lower ones", share(own.apart))
+        } else {
+            String::new()
+        };
+        format!(
+            "{} Hz: noise leaves {} % of the efforts unknown and biases {} %{far}",
+            own.cutoff,
+            share(own.deviation),
+            share(own.bias)
+        )
+    };
+    let place = choice.candidates.iter().position(|own| own.cutoff == choice.cutoff);
+    let last = choice.candidates.len().saturating_sub(1);
+    let first = (place != Some(0)).then_some(0);
+    let mut shown: Vec<usize> = first.into_iter().chain(place).collect();
+    if place != Some(last) {
+        shown.push(last);
+    }
+    for own in shown.into_iter().filter_map(|k| choice.candidates.get(k)) {
+        out.push_str(&field("", &line(own)));
+    }
+    out
+}
+
+/// A part in percent, with two digits.
+fn share(percent: f64) -> String {
+    figure_of(2, percent)
 }
 
 /// The share of equations that were left out because their coordinates were at rest, as a

@@ -12,7 +12,7 @@ mod warnings;
 
 pub use delays::corrected_delays_text;
 pub use instruments::Instruments;
-pub use logs::{LogFile, resting};
+pub use logs::{LogFile, filter_text, resting};
 pub use models::stem;
 pub use simulated::{Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};

@@ -11,7 +11,7 @@ use regen_identify::text::{figure, figure_of};
 use super::delays::delays_text;
 use super::models::models_text;
 use super::steps::reduction_text;
-use super::{Identification, Simulated, Summary, resting};
+use super::{Identification, Simulated, Summary, filter_text, resting};
 
 /// The largest relative standard deviation that is printed, in percent; a larger one is printed as
 /// `>1000`.
@@ -46,6 +46,7 @@ pub fn identification_text(found: &Identification, delay_remedy: &str) -> String
     if let Some(left) = &summary.left_out {
         out.push_str(&resting(left));
     }
+    out.push_str(&filter_text(file.filter.as_ref()));
     out.push_str(&delays_text(
         &summary.delays,
         &summary.corrected_delays,
