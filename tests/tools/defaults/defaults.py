@@ -18,7 +18,9 @@ logs with hardly any noise.
 
 Robots are those of `robots/`, of `tests/fixtures/mechanisms` or of this folder, by name, or paths.
 `NAME+friction` gives each actuated joint viscous and Coulomb friction, `NAME+rotor` the inertia of its
-rotor, `NAME+friction+rotor` both.
+rotor, `NAME+friction+rotor` both. `NAME+stribeck` has viscous and Coulomb friction in the spec and half as
+much again of the Coulomb friction at low velocities in the log, which no parameter describes: its cells
+count for errors, not for intervals and wrong values.
 
 Motions: `fourier` (two periods of five harmonics), `start` (the same, blended in from rest), `ptp` (eight
 moves with rests between them), `sweep` (sines of rising frequency).
@@ -66,6 +68,7 @@ NOISE = "white:1e-7,white:1e-6,white:1e-5,white:1e-4,white:1e-3,steps:1e-6,steps
     "jitter:0.1,jitter:0.3,jitter:1,cjitter:0.1,cjitter:0.3,cjitter:1"
 MEMORY = 15  # rows over which the jitter of `cjitter` is correlated
 WRONG = 4  # standard deviations
+LOGS = 8  # of each robot in `check`
 AIM = 1.25  # of the ratio
 
 
@@ -196,7 +199,7 @@ def group(o, name, motion, seed):
     """Yields the figures of all cells of a robot's motion."""
     regen = Regen(o.command)
     spec = spec_file(name, o.cache)
-    run = robots.Run(spec, motion, seed, o.time, o.cache)
+    run = robots.Run(spec, motion, seed, o.time, o.cache, "+stribeck" in name)
     base = regen.base(spec)
     truth, w = run.combinations(base)
     with tempfile.TemporaryDirectory() as folder:
@@ -215,9 +218,13 @@ def measured(o, cell, regen, spec, log, base, truth, w, efforts):
     figures = judged(found, base, truth, w, efforts)
     cell |= {"options": o.options, "answered": figures is not None, "seconds": round(seconds, 3)}
     cell |= figures or {}
+    if figures and "+stribeck" in cell["robot"]:
+        # the intervals are those of a model that does not hold
+        cell |= {"intervals": 0, "inside": 0, "wrong": 0}
+        cell.pop("wrong_labels", None)
     cell["warnings"] = messages(text)
     if figures is None:
-        cell["says"] = text.strip()[:400]
+        cell["says"] = text.strip()[:400] or "values are missing"
     if o.manual:
         cell["manual"] = {}
         for cutoff in CUTOFFS:
@@ -225,6 +232,8 @@ def measured(o, cell, regen, spec, log, base, truth, w, efforts):
                 option = ["--butterworth", f"4,{cutoff}", "--no-suspicion"]
                 answer = judged(regen.identify(spec, log, option)[0], base, truth, w, efforts)
                 if answer:
+                    if "+stribeck" in cell["robot"]:
+                        answer |= {"intervals": 0, "inside": 0, "wrong": 0}
                     cell["manual"][str(cutoff)] = {
                         k: answer[k] for k in ("error", "error_each", "intervals", "inside", "wrong", "well")
                     }
@@ -249,7 +258,7 @@ def line(cell):
     if "best" in cell:
         out += f", best {cell['best']:.3g} % at {cell['best_cutoff']:g} Hz"
     if "ratio" in cell:
-        out += f", ratio {cell['ratio']:.2f}"
+        out += f", ratio {cell['ratio']:.3g}"
     if cell["answered"]:
         out += f", inside {cell['inside']}/{cell['intervals']}, wrong {cell['wrong']}"
         if cell["biased"]:
@@ -322,8 +331,8 @@ def summarise(cells, manual_coverage, hardest=10, by=("robot", "motion", "rate",
         ratios = [c["ratio"] for c in rated]
         worst = max(rated, key=lambda c: c["ratio"])
         print(f"error at most {AIM} times that of the best manual filter: {share(good, len(rated))}; "
-              f"median {np.median(ratios):.2f}, 90 % {np.quantile(ratios, 0.9):.2f}, "
-              f"worst {worst['ratio']:.2f} ({title(worst)})")
+              f"median {np.median(ratios):.3g}, 90 % {np.quantile(ratios, 0.9):.3g}, "
+              f"worst {worst['ratio']:.3g} ({title(worst)})")
     wrong = [c for c in answered if c["wrong"]]
     print(f"95 % intervals that hold the truth: {covered(answered)}")
     print(f"logs with values well but wrong: {len(wrong)} of {len(answered)}, "
@@ -335,16 +344,16 @@ def summarise(cells, manual_coverage, hardest=10, by=("robot", "motion", "rate",
         values = sorted({c[key] for c in cells}, key=lambda x: (isinstance(x, str), x))
         if len(values) < 2:
             continue
-        print(f"\n{key:24} cells  no answer  ratio <= {AIM}   median  worst  coverage  wrong logs")
+        print(f"\n{key:24} cells  no answer  ratio <= {AIM}   median    worst  coverage  wrong logs")
         for value in values:
             some = [c for c in cells if c[key] == value]
             told = [c for c in some if c["answered"]]
             ratios = np.array([c["ratio"] for c in told if "ratio" in c])
-            part = f"{100 * np.mean(ratios <= AIM):12.1f} % {np.median(ratios):8.2f} {ratios.max():6.2f}" \
-                if len(ratios) else f"{'-':>14} {'-':>8} {'-':>6}"
+            part = f"{100 * np.mean(ratios <= AIM):12.1f} % {np.median(ratios):8.3g} {ratios.max():8.3g}" \
+                if len(ratios) else f"{'-':>14} {'-':>8} {'-':>8}"
             whole = sum(c["intervals"] for c in told)
             inside = f"{100 * sum(c['inside'] for c in told) / whole:7.1f} %" if whole else "        -"
-            print(f"{value!s:24} {len(some):5}  {len(some) - len(told):9}  {part} {inside} "
+            print(f"{shown(value):24} {len(some):5}  {len(some) - len(told):9}  {part} {inside} "
                   f"{sum(c['wrong'] > 0 for c in told):11}")
     if rated and hardest:
         print("\nhardest cells")
@@ -370,6 +379,10 @@ def summarise(cells, manual_coverage, hardest=10, by=("robot", "motion", "rate",
                       f"{best:13}")
 
 
+def shown(x):
+    return x if isinstance(x, str) else f"{x:g}"
+
+
 def summary(o):
     cells = []
     for path in o.files:
@@ -378,8 +391,7 @@ def summary(o):
     for key in ("robot", "motion", "rate", "noise"):
         wanted = getattr(o, key)
         if wanted:
-            cells = [c for c in cells if str(c[key]) in wanted.split(",") or f"{c[key]:g}" in wanted.split(",")] \
-                if key == "rate" else [c for c in cells if c[key] in wanted.split(",")]
+            cells = [c for c in cells if shown(c[key]) in wanted.split(",")]
     summarise(cells, o.manual_coverage, o.hardest)
 
 
@@ -405,16 +417,22 @@ def check(o):
         aim(f"{name}, interpolated efforts", interpolation(run), 1e-7)
         base = regen.base(path)
         truth, w = run.combinations(base)
+        inside = intervals = error = 0
         with tempfile.TemporaryDirectory() as folder:
             log = pathlib.Path(folder) / "log.csv"
-            write(log, run, *rows(run, 1000, "white:1e-9", 1e-3, np.random.default_rng(1)))
-            found, text, _ = regen.identify(path, log, ["--butterworth", "4,30", "--no-suspicion"])
-        figures = judged(found, base, truth, w, run.test_efforts)
-        if figures is None:
-            aim(f"{name}, no answer ({text.strip()[:100]})", np.inf, 0)
-            continue
-        aim(f"{name}, error of recovered parameters in percent", figures["error"], 0.1)
-        aim(f"{name}, intervals without the truth, part", 1 - figures["inside"] / figures["intervals"], 0.15)
+            # errors of one log are correlated, so several are needed for the intervals
+            for draw in range(LOGS):
+                write(log, run, *rows(run, 1000, "white:1e-9", 1e-3, np.random.default_rng(draw)))
+                found, text, _ = regen.identify(path, log, ["--butterworth", "4,30", "--no-suspicion"])
+                figures = judged(found, base, truth, w, run.test_efforts)
+                if figures is None:
+                    aim(f"{name}, no answer ({text.strip()[:100]})", np.inf, 0)
+                    break
+                error = max(error, figures["error"])
+                inside, intervals = inside + figures["inside"], intervals + figures["intervals"]
+            else:
+                aim(f"{name}, error of recovered parameters in percent", error, 0.1)
+                aim(f"{name}, part of the intervals without the truth", 1 - inside / intervals, 0.12)
     return failed > 0
 
 

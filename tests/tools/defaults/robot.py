@@ -25,7 +25,8 @@ FOLDERS = [
     ROOT / "tests/fixtures/mechanisms",
 ]
 
-ADDED = {"friction": ("friction", "linear"), "rotor": ("rotor_inertia", "true")}
+ADDED = {"friction": ("friction", "linear"), "stribeck": ("friction", "linear"), "rotor": ("rotor_inertia", "true")}
+EXCESS, SLOW = 0.5, 0.1  # of Stribeck friction: over Coulomb friction, and its velocity over the rms one
 VERSION = 1  # of the files in the cache
 TURN, SLIDE = 0.6, 0.15  # the reach of a coordinate without limits, rad and m
 NODES = 8  # of the polynomial through the nearest points of a grid
@@ -377,7 +378,7 @@ def interpolate(grid, values, t):
 class Run:
     """One robot with its parameters along one motion, and a second motion to judge parameters on."""
 
-    def __init__(self, path, kind, seed, time, cache):
+    def __init__(self, path, kind, seed, time, cache, stribeck=False):
         self.robot = Robot(path)
         random = np.random.default_rng([seed, 1])
         self.phi = draw(random, len(self.robot.bodies))
@@ -408,7 +409,7 @@ class Run:
             (data[f"t{k}"], data[f"efforts{k}"], data[f"slopes{k}"])
             for k in range(len(self.motion.pieces))
         ]
-        self.judge(data, random)
+        self.judge(data, random, stribeck)
 
     def motions(self, kind, seed, time, size):
         centre, reach, speeds = self.robot.room()
@@ -454,7 +455,7 @@ class Run:
         inside = np.clip(t, t[0] + 1e-9, t[-1] - 1e-9)
         return self.robot.states(t, *self.motion.at(inside), near)
 
-    def judge(self, data, random):
+    def judge(self, data, random, stribeck):
         """Draws friction and rotors in proportion to the efforts, and computes the test's regressor."""
         robot = self.robot
         v, a, slopes = data["test_v"], data["test_a"], data["test_slopes"]
@@ -477,6 +478,13 @@ class Run:
                 size /= np.sqrt(np.mean(a[:, k] ** 2))
             values.append(share * size)
         self.more = np.array(values)
+        self.excess = []
+        if stribeck:
+            for label, value in zip(labels, values):
+                k = robot.coordinates.index(label[:-1].split("(")[1])
+                if label.startswith("Fc("):
+                    slow = SLOW * np.sqrt(np.mean(v[:, k] ** 2))
+                    self.excess.append((robot.independent.index(k), EXCESS * value, slow))
         names = [f"{s}({b})" for b in robot.bodies for s in INERTIAL] + labels
         self.truth = dict(zip(names, np.concatenate([self.phi, self.more])))
         self.stick = random.uniform(-1, 1, (len(self.motion.pieces), len(robot.coordinates)))
@@ -503,6 +511,8 @@ class Run:
             rests = np.array([p[2] for p in self.motion.pieces])[piece]
             sign = np.where(rests[:, None], self.stick[piece], np.sign(v))
             efforts = efforts + robot.columns(v, a, slopes, sign)[1] @ self.more
+            for k, size, slow in self.excess:
+                efforts[:, k] += size * sign[:, ind[k]] * np.exp(-((vi[:, k] / slow) ** 2))
         return qi, efforts
 
     def combinations(self, base):
