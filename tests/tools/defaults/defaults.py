@@ -63,7 +63,8 @@ import motions  # noqa: E402
 import robot as robots  # noqa: E402
 
 CUTOFFS = (2, 4, 8, 15, 30, 60)  # Hz
-ROBOTS = "puma560,scara+friction,tree_branch,fork+friction+rotor,fivebar,3rps,3rrr+friction,delta,fourbar+friction"
+ROBOTS = "puma560,scara+friction,tree_branch,fork+friction+rotor,fivebar,3rps,3rrr+friction,delta," \
+    "fourbar+friction"
 NOISE = "white:1e-7,white:1e-6,white:1e-5,white:1e-4,white:1e-3,steps:1e-6,steps:1e-5,steps:1e-4,steps:1e-3," \
     "jitter:0.1,jitter:0.3,jitter:1,cjitter:0.1,cjitter:0.3,cjitter:1"
 MEMORY = 15  # rows over which the jitter of `cjitter` is correlated
@@ -370,13 +371,16 @@ def summarise(cells, manual_coverage, hardest=10, by=("robot", "motion", "rate",
         for text, count in silent.most_common(hardest):
             print(f"  {count} times: {text}")
     if manual_coverage:
-        print("\nmanual cutoff   cells  coverage                 wrong logs   best of all")
+        print(f"\nmanual cutoff   cells  coverage                 wrong logs  best of all  ratio <= {AIM}   median")
         for cutoff in map(str, CUTOFFS):
-            some = [c["manual"][cutoff] for c in cells if cutoff in c.get("manual", {})]
+            some = [c for c in cells if cutoff in c.get("manual", {})]
             if some:
-                best = sum(c.get("best_cutoff") == float(cutoff) for c in cells)
-                print(f"{cutoff + ' Hz':15} {len(some):5}  {covered(some):24} {sum(m['wrong'] > 0 for m in some):10} "
-                      f"{best:13}")
+                each = [c["manual"][cutoff] for c in some]
+                best = sum(c["best_cutoff"] == float(cutoff) for c in some)
+                ratios = np.array([m["error"] / c["best"] for m, c in zip(each, some)])
+                print(f"{cutoff + ' Hz':15} {len(some):5}  {covered(each):24} "
+                      f"{sum(m['wrong'] > 0 for m in each):10}  {best:11}  "
+                      f"{100 * np.mean(ratios <= AIM):11.1f} %  {np.median(ratios):7.3g}")
 
 
 def shown(x):
