@@ -53,6 +53,7 @@ pub(crate) fn solve(
         model: digest(session.model),
         logs,
         date: args.date.clone(),
+        filter: None,
     };
     let summary = Summary {
         files: reports.iter().map(LogFile::new).collect(),

@@ -39,10 +39,8 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
     let files = logs.logs().reports().iter().map(LogFile::new).collect();
-    let found = Observed {
-        filter,
-        ..Observed::new(&set, &left_out, corrected_delays, files)
-    };
+    let mut found = Observed::new(&set, &left_out, corrected_delays, files);
+    found.filter = filter;
     terminal::print(&match args.format {
         Format::Json => table::document(&found),
         Format::Human => observed_text(&found),
