@@ -44,7 +44,7 @@ const BETTER: f64 = 0.03;
 /// ends of the log and more independent samples remain.
 const AS_GOOD: f64 = 1.7;
 /// So many cutoffs in a row that are not better than the best one end the search.
-const PATIENCE: usize = 5;
+const PATIENCE: usize = 8;
 
 /// A cutoff that was tried.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
