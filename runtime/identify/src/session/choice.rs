@@ -251,20 +251,18 @@ fn trial<M: BaseModel<f64> + ?Sized>(
     };
     // friction that is not among the base parameters is linear here
     let is_linear = nonlinear_joints(session.model).is_empty();
-    let fit = |logs: &mut Logs<'_, M>| {
-        if is_linear {
-            identify::identify(session.model, session.kind, &options, logs)
-        } else {
-            with_linear_friction(session.model, &options, logs)
-        }
+    let found = if is_linear {
+        identify::identify(session.model, session.kind, &options, &mut logs)?
+    } else {
+        with_linear_friction(session.model, &options, &mut logs)?
     };
-    let found = fit(&mut logs)?;
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
     let bias = bias_of_noise(&logs, levels, cutoff, |logs| {
         if is_linear {
             values(session, &weights, logs)
         } else {
-            Ok(fit(logs)?.estimate.values)
+            let found = with_linear_friction(session.model, &options, logs)?;
+            Ok(found.estimate.values)
         }
     })?;
     let pairs = found.estimate.values.iter().zip(&bias);

@@ -10,12 +10,12 @@ use regen_runtime::BaseModel;
 
 use crate::data::{DataError, Logs, NoiseLevels};
 use crate::estimate::EstimateError;
-use crate::identify::{Identified, observe};
+use crate::identify::{Filtering, Identified, Source, StateSample, observe};
 use crate::signals::Method;
 
 use super::Session;
 
-/// The added noise over that of the log: small, so that joints rest and turn in the same rows.
+/// The added noise over that of the log.
 const SCALE: f64 = 0.5;
 
 /// By how much the noise of the motion changes each least-squares parameter, SI: the values that are found
@@ -32,7 +32,7 @@ pub(super) fn bias_of_noise<M: BaseModel<f64> + ?Sized>(
     logs: &Logs<'_, M>,
     levels: &[Vec<NoiseLevels>],
     cutoff: f64,
-    mut fit: impl FnMut(&mut Logs<'_, M>) -> Result<Vec<f64>, DataError>,
+    mut fit: impl FnMut(&mut NoisyLogs<'_, M>) -> Result<Vec<f64>, DataError>,
 ) -> Result<Vec<f64>, DataError> {
     let deviations: Vec<Vec<f64>> = (logs.durations().iter().zip(levels))
         .map(|((step, _), levels)| {
@@ -40,12 +40,70 @@ pub(super) fn bias_of_noise<M: BaseModel<f64> + ?Sized>(
             levels.iter().map(deviation).collect()
         })
         .collect();
-    let mut at = |scale: f64| fit(&mut logs.disturbed(scale, &deviations));
-    let [without, added, subtracted] = [at(0.0)?, at(SCALE)?, at(-SCALE)?];
+    let mut noisy = NoisyLogs {
+        logs: logs.disturbed(0.0, &deviations),
+        rests: Vec::new(),
+        are_known: false,
+    };
+    let without = fit(&mut noisy)?;
+    noisy.logs = logs.disturbed(SCALE, &deviations);
+    let added = fit(&mut noisy)?;
+    noisy.logs = logs.disturbed(-SCALE, &deviations);
+    let subtracted = fit(&mut noisy)?;
     let pairs = added.iter().zip(&subtracted).zip(&without);
     Ok(pairs
         .map(|((a, b), x)| (0.5 * (a + b) - x) / (SCALE * SCALE))
         .collect())
+}
+
+/// Logs to whose motion noise is added, with the rests of the motion without it: other equations that are
+/// left out would move the parameters by more than the noise does.
+pub(super) struct NoisyLogs<'m, M: ?Sized> {
+    logs: Logs<'m, M>,
+    /// For each state of a pass without noise its time, s, and whether each coordinate rests.
+    rests: Vec<(f64, Vec<bool>)>,
+    are_known: bool,
+}
+
+impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
+    type Error = DataError;
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), DataError> {
+        let Self {
+            logs,
+            rests,
+            are_known,
+        } = self;
+        if !*are_known {
+            logs.visit(&mut |row| {
+                rests.push((row.time, row.at_standstill.to_vec()));
+                each(row)
+            })?;
+            *are_known = true;
+            return Ok(());
+        }
+        let mut known = rests.iter().peekable();
+        logs.visit(&mut |row| {
+            // loops that cannot be closed may be others with noise
+            while known.peek().is_some_and(|(time, _)| *time != row.time) {
+                known.next();
+            }
+            match known.next() {
+                Some((_, rests)) => each(&StateSample {
+                    at_standstill: rests,
+                    ..*row
+                }),
+                None => Ok(()),
+            }
+        })
+    }
+
+    fn filtering(&self) -> Filtering {
+        self.logs.filtering()
+    }
 }
 
 /// The least-squares parameters of logs with given weights of the efforts.
@@ -55,7 +113,7 @@ pub(super) fn bias_of_noise<M: BaseModel<f64> + ?Sized>(
 pub(super) fn values<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     weights: &[f64],
-    logs: &mut Logs<'_, M>,
+    logs: &mut NoisyLogs<'_, M>,
 ) -> Result<Vec<f64>, DataError> {
     let (set, _) = observe(session.model, session.kind, logs)?;
     Ok(set.combined(weights)?.solve()?)
