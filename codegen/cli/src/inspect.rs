@@ -6,6 +6,7 @@ use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
 use regen_identify::data::{Assignment, Checks, Policy, Run, Settings};
 use regen_identify::experiment_file::ExperimentFile;
+use regen_identify::session::chosen as filter_of;
 use regen_identify::signals::Method;
 use regen_inspect::{
     ClockSource, LogFacts, Prediction, VERSION, delays_by_model, inspect, predict, proposal,
@@ -17,7 +18,7 @@ use serde::Serialize;
 
 use crate::args::{Format, InspectArgs, PayloadArg, ReadingArgs};
 use crate::exit::Failure;
-use crate::{experiment, load, loads, mistakes, observe, suspect, table, terminal, write};
+use crate::{choice, experiment, load, loads, mistakes, observe, suspect, table, terminal, write};
 
 /// The JSON of `regen inspect`.
 #[derive(Serialize)]
@@ -304,6 +305,7 @@ fn predicted(
     let (settings, has_placeholders) =
         reading(&args.reading, logs, robot, &model.info(), &args.logs)?;
     session.reading = settings;
+    let proposed = session.reading.method;
     // faulty rows are reported, and do not prevent the inspection
     if args.reading.problems.is_none() && args.reading.experiment.is_none() {
         session.reading.policy = Policy::Drop;
@@ -312,6 +314,24 @@ fn predicted(
             saturated: Some(Policy::Keep),
             stuck: Some(Policy::Keep),
         };
+    }
+    if choice::is_open(&args.reading) {
+        let open = Settings {
+            method: Method::Central,
+            ..session.reading.clone()
+        };
+        session.reading = open;
+        // a log whose motion determines nothing keeps the filter that its spectrum proposes
+        if let Ok(Some(choice)) = filter_of(&session, &runs) {
+            session.reading = choice.applied(&session.reading);
+            for k in &chosen.runs {
+                if let Some(log) = logs.get_mut(*k) {
+                    log.cutoff = Some(choice.cutoff);
+                }
+            }
+        } else {
+            session.reading.method = proposed;
+        }
     }
     let mut opened = match session.open(&runs) {
         Ok(opened) => opened,

@@ -26,7 +26,7 @@ use crate::exit::Failure;
 use crate::experiment::Experiment;
 use crate::simulate::{self, Described};
 use crate::{
-    experiment, identify_simulated, interrupt, load, loads, observe, path, progress, table,
+    choice, experiment, identify_simulated, interrupt, load, loads, observe, path, progress, table,
     terminal,
 };
 use scratch::Folder;
@@ -101,6 +101,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
         } else {
             observe::kind(&reading)
         },
+        chooses_filter: choice::is_open(&reading),
         finds_delays,
         options: Options {
             weighting: match args.solving.weighting {

@@ -35,6 +35,9 @@ pub struct Rehearsal<'a, M: ?Sized> {
     pub reading: Settings,
     /// The equations of least squares.
     pub kind: EquationKind,
+    /// Whether a filter is chosen from the logs of each seed, in place of the method of `reading`, as
+    /// for logs of machines.
+    pub chooses_filter: bool,
     /// Whether delays of efforts are estimated and corrected, as for logs of machines.
     pub finds_delays: bool,
     /// The options of least squares.
@@ -109,6 +112,7 @@ pub struct Rehearsal<'a, M: ?Sized> {
 ///         ..data::Settings::default()
 ///     },
 ///     kind: identify::EquationKind::Forces,
+///     chooses_filter: false,
 ///     finds_delays: false,
 ///     options: identify::Options::default(),
 ///     confidence: 0.95,

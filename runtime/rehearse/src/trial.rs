@@ -7,7 +7,7 @@ use regen_experiment::simulate::{LogColumns, Settings, Termination, simulate};
 use regen_identify::data::Run;
 use regen_identify::friction::JointFit;
 use regen_identify::model::{IdentifiedModel, Interval};
-use regen_identify::session::{Session, Silent, compare};
+use regen_identify::session::{Session, Silent, chosen, compare};
 use regen_response::Number;
 use regen_runtime::{BaseModel, Model};
 
@@ -72,6 +72,11 @@ where
             settings: &self.twin.settings,
         };
         let mut session = self.session();
+        if self.chooses_filter && self.estimator.reads_motion() {
+            let choice = chosen(&session, runs)?;
+            let reading = choice.map(|choice| choice.applied(&session.reading));
+            session.reading = reading.unwrap_or(session.reading);
+        }
         let found = match &self.loads {
             Some(loads) => loads.estimate(&session, runs, &self.estimator, &made)?,
             None => estimate(

@@ -80,13 +80,16 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The settings with this choice.
+    /// The settings with this choice; a decimation or an even grid that is given stays.
     #[must_use]
     pub fn applied(&self, settings: &Settings) -> Settings {
         Settings {
             method: self.method(),
-            decimation: self.decimation,
-            resample: self.resample.or(settings.resample),
+            decimation: match settings.decimation {
+                1 => self.decimation,
+                given => given,
+            },
+            resample: settings.resample.or(self.resample),
             ..settings.clone()
         }
     }
