@@ -46,6 +46,12 @@ efforts, qd_NAME and qdd_NAME for measured velocities and accelerations. The
 positions of as many coordinates as the robot has degrees of freedom suffice,
 with the efforts of all actuated ones; the others follow from the loop closure.
 
+Without an option or a key that says how positions are differentiated, a low-pass
+filter is chosen from the logs: each cutoff of a grid is tried, and judged by what
+noise leaves unknown and by what noise of the positions biases. The line `filter`
+has the choice, the reasons and the options that repeat it; the file of --out has
+it for `validate`.
+
 An experiment file, YAML, describes how logs are read: columns by name, number
 or pattern with units, factors and gains, files to join, rows and times, filter
 and checks, and which logs are for validation (used as --against). Options
@@ -53,9 +59,9 @@ override it, and if logs are given too, they replace its runs; `regen schema
 experiment` describes its keys.
 
 Examples:
+  regen identify robots/3rps.yaml run.csv
   regen identify arm.yaml runs.yaml --out p.json
   regen identify robots/3rps.yaml run1.csv run2.csv --fourier 0.1333,11
-  regen identify robots/3rps.yaml run.csv --butterworth 4,20 --decimate 10
   regen identify robots/fivebar.yaml run.csv --local 0.05 --huber 1.345
   regen identify robots/3rps.yaml --from monday.json tuesday.json --out p.json
   regen identify arm.yaml run.csv --column q1=angle:deg \\
@@ -112,14 +118,14 @@ pub(crate) struct IdentifyArgs {
     #[arg(long, num_args = 1.., value_name = "FACTORS", conflicts_with_all = ["logs", "huber", "cross"])]
     pub(crate) from: Vec<PathBuf>,
     /// How the efforts are weighted against each other
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t, hide_short_help = true)]
     pub(crate) weighting: WeightingArg,
     /// Residuals beyond K standard deviations count linearly (Huber); 1.345 is usual
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", hide_short_help = true)]
     pub(crate) huber: Option<f64>,
     /// Newey and West's deviations, with this number of samples over which residuals are correlated
     /// [default: from cosines of whitened scores]
-    #[arg(long, value_name = "N", value_parser = at_least_one)]
+    #[arg(long, value_name = "N", value_parser = at_least_one, hide_short_help = true)]
     pub(crate) bandwidth: Option<usize>,
     /// The level of the confidence intervals
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
@@ -128,7 +134,7 @@ pub(crate) struct IdentifyArgs {
     #[arg(long)]
     pub(crate) cross: bool,
     /// Do not look for swapped columns, flipped signs, wrong units and the like
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub(crate) no_suspicion: bool,
     /// The estimator [default: ls; --huber and --iv choose theirs]
     #[arg(long, value_enum)]
@@ -138,19 +144,19 @@ pub(crate) struct IdentifyArgs {
     pub(crate) iv: bool,
     /// The trajectory that the controllers followed, as `regen excite` writes it;
     /// instruments, or the motion of `didim`, are simulated along it
-    #[arg(long, value_name = "TRAJECTORY")]
+    #[arg(long, value_name = "TRAJECTORY", hide_short_help = true)]
     pub(crate) reference: Option<PathBuf>,
     /// Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD
     /// (may be repeated) [default: from the robot's inertia, for the bandwidth at
     /// which the simulated motion is closest to the measured one]
-    #[arg(long, value_name = "GAINS", value_parser = gains)]
+    #[arg(long, value_name = "GAINS", value_parser = gains, hide_short_help = true)]
     pub(crate) pid: Vec<Gains>,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
     pub(crate) out: Option<PathBuf>,
     /// The date to write into the file, since regen reads no clock
-    #[arg(long, value_name = "TEXT", requires = "out")]
+    #[arg(long, value_name = "TEXT", requires = "out", hide_short_help = true)]
     pub(crate) date: Option<String>,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
@@ -175,10 +181,10 @@ pub(crate) struct BeforeArgs {
     /// Identified parameters of the robot without its load: only payloads are
     /// identified, and gains that PARAMS lacks. If PARAMS has a `covariance`
     /// (--covariance), standard deviations include it
-    #[arg(long, value_name = "PARAMS")]
+    #[arg(long, value_name = "PARAMS", hide_short_help = true)]
     pub(crate) parameters: Option<PathBuf>,
     /// Also write the covariance of base parameters and gains to the file of --out
-    #[arg(long, requires = "out")]
+    #[arg(long, requires = "out", hide_short_help = true)]
     pub(crate) covariance: bool,
 }
 
@@ -188,29 +194,29 @@ pub(crate) struct BeforeArgs {
 pub(crate) struct SimulatedArgs {
     /// The column of a joint's commanded position: NAME=COLUMN, followed by :UNIT
     /// and *FACTOR if needed (may be repeated) [default: cmd_NAME]
-    #[arg(long, value_name = "ASSIGNMENT")]
+    #[arg(long, value_name = "ASSIGNMENT", hide_short_help = true)]
     pub(crate) command: Vec<regen_identify::data::Assignment>,
     /// The controllers, JSON or YAML: `q1: {kp: 40, kd: 2}` for each actuated
     /// joint; `regen simulate --controller` writes such a file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
     pub(crate) controller: Option<PathBuf>,
     /// The bandwidth of controllers without gains in `didim`, Hz [default: that at
     /// which the motion is closest to measured positions; 3 without those]
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", hide_short_help = true)]
     pub(crate) loop_bandwidth: Option<f64>,
     /// The time at the start of each log that `didim` leaves out if it follows
     /// columns of commands, s
-    #[arg(long, value_name = "S", default_value_t = crate::identify_simulated::SETTLE)]
+    #[arg(long, value_name = "S", default_value_t = crate::identify_simulated::SETTLE, hide_short_help = true)]
     pub(crate) settle: f64,
     /// Length of the windows of `response`, s, whose first states are estimated
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    #[arg(long, value_name = "S", default_value_t = 1.0, hide_short_help = true)]
     pub(crate) window: f64,
     /// The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s,
     /// of joints; of a drive, the velocity at which its joints reach it
-    #[arg(long, value_name = "V", default_value_t = 1e-3)]
+    #[arg(long, value_name = "V", default_value_t = 1e-3, hide_short_help = true)]
     pub(crate) friction_width: f64,
     /// Parameters to start from [default: the spec's nominal ones]
-    #[arg(long, value_name = "PARAMS")]
+    #[arg(long, value_name = "PARAMS", hide_short_help = true)]
     pub(crate) start: Option<PathBuf>,
 }
 

@@ -31,23 +31,23 @@ pub(crate) struct PhysicalArgs {
     /// Use the spec's nominal values as a prior: `weighted` or `weighted:PERCENT`,
     /// with standard deviations in percent of them [default 30], or `entropic` or
     /// `entropic:WEIGHT`, with the divergence of pseudo-inertias [default 1]
-    #[arg(long, value_name = "KIND", requires = "physical")]
+    #[arg(long, value_name = "KIND", requires = "physical", hide_short_help = true)]
     pub(crate) prior: Option<PriorArg>,
     /// A parameter's value, SI: LABEL=VALUE, such as 'm(3)=6.05'
-    #[arg(long, value_name = "LABEL=VALUE", requires = "physical", value_parser = value)]
+    #[arg(long, value_name = "LABEL=VALUE", requires = "physical", value_parser = value, hide_short_help = true)]
     pub(crate) known: Vec<(String, f64)>,
     /// A parameter's limits, SI: LABEL=LOW..HIGH, either may be missing
     #[arg(long, value_name = "LABEL=RANGE", requires = "physical", value_parser = range)]
     pub(crate) bound: Vec<(String, f64, f64)>,
     /// A known sum: 'm(1),m(2),m(3)=12.5'
-    #[arg(long, value_name = "LABELS=VALUE", requires = "physical", value_parser = value)]
+    #[arg(long, value_name = "LABELS=VALUE", requires = "physical", value_parser = value, hide_short_help = true)]
     pub(crate) total: Vec<(String, f64)>,
     /// Bodies that are the same, in frames that correspond: 1,4,6
-    #[arg(long, value_name = "BODIES", requires = "physical")]
+    #[arg(long, value_name = "BODIES", requires = "physical", hide_short_help = true)]
     pub(crate) identical: Vec<String>,
     /// The number of random draws for the intervals of constrained values, each of
     /// which takes a small fit; at least 5, or 0 for no intervals
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS, requires = "physical", value_parser = draws)]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS, requires = "physical", value_parser = draws, hide_short_help = true)]
     pub(crate) draws: usize,
     /// Write the spec with the physical values in `bodies:` and in the joints'
     /// `nominal:`; the rest of its text stays
@@ -61,11 +61,11 @@ pub(crate) struct PhysicalArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) c: Option<PathBuf>,
     /// Write the parameters as a Python module, with a check of the model
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
     pub(crate) python: Option<PathBuf>,
     /// The Rust path of the robot's generated module, seen from the constants, which
     /// compile with that model only [default: super::ROBOT]
-    #[arg(long, value_name = "PATH", requires = "rust")]
+    #[arg(long, value_name = "PATH", requires = "rust", hide_short_help = true)]
     pub(crate) module: Option<String>,
 }
 

@@ -21,24 +21,24 @@ pub(crate) struct ReadingArgs {
     pub(crate) column: Vec<regen_identify::data::Assignment>,
     /// The topic to read from MCAP files and ROS 2 bags [default: the only one with
     /// joint states]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", hide_short_help = true)]
     pub(crate) topic: Option<String>,
     /// The index of the episode to read from LeRobot files [default: the only one]
-    #[arg(long, value_name = "INDEX")]
+    #[arg(long, value_name = "INDEX", hide_short_help = true)]
     pub(crate) episode: Option<u64>,
     /// The rate of the rows in Hz, if no column has their time
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(crate) rate: Option<f64>,
     /// Interpolate rows with an uneven clock onto an even grid of this rate in Hz
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, hide_short_help = true)]
     pub(crate) resample: Option<f64>,
     /// The velocities to use. Measured ones pass the filter of the positions, and
     /// accelerations are their derivative; --fourier uses positions only
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, hide_short_help = true)]
     pub(crate) velocities: Option<VelocitiesArg>,
     /// Differentiate the finite Fourier series of this frequency in Hz and
     /// number of harmonics
-    #[arg(long, value_name = "HZ,N", value_parser = pair, group = "method")]
+    #[arg(long, value_name = "HZ,N", value_parser = pair, group = "method", hide_short_help = true)]
     pub(crate) fourier: Option<(f64, usize)>,
     /// Filter efforts and regressor by a zero-phase Butterworth low-pass of this
     /// order and cutoff in Hz; positions by one three times as wide, then take
@@ -46,13 +46,13 @@ pub(crate) struct ReadingArgs {
     #[arg(long, value_name = "ORDER,HZ", value_parser = flipped, group = "method")]
     pub(crate) butterworth: Option<(f64, usize)>,
     /// Fit cubic polynomials within this time in s on either side
-    #[arg(long, value_name = "S", group = "method")]
+    #[arg(long, value_name = "S", group = "method", hide_short_help = true)]
     pub(crate) local: Option<f64>,
     /// Use only every N-th state, after filtering
-    #[arg(long, value_name = "N", value_parser = at_least_one)]
+    #[arg(long, value_name = "N", value_parser = at_least_one, hide_short_help = true)]
     pub(crate) decimate: Option<usize>,
     /// Average over the repetitions of a trajectory with this period in s
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", hide_short_help = true)]
     pub(crate) period: Option<f64>,
     /// Whether the payloads of the spec are carried in all logs; required if it has
     /// payloads, here or for each run of an experiment file
@@ -60,7 +60,7 @@ pub(crate) struct ReadingArgs {
     pub(crate) payload: Option<PayloadArg>,
     /// The standard deviation of a measured coordinate, which weights it if more are
     /// measured than needed: NAME=VALUE
-    #[arg(long, value_name = "NAME=VALUE", value_parser = named)]
+    #[arg(long, value_name = "NAME=VALUE", value_parser = named, hide_short_help = true)]
     pub(crate) deviation: Vec<(String, f64)>,
     /// The treatment of faulty rows [default: fail]
     #[arg(long, value_enum)]
@@ -68,10 +68,10 @@ pub(crate) struct ReadingArgs {
     /// The treatment of equations of joints at rest, where friction is static: whose
     /// encoders stay within a step or their noise for 0.2 s, or whose velocity does
     /// not differ significantly from zero [default: drop]
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, hide_short_help = true)]
     pub(crate) standstill: Option<StandstillArg>,
     /// Velocities below this, rad/s or m/s, also count as rest
-    #[arg(long, value_name = "V", value_parser = not_negative)]
+    #[arg(long, value_name = "V", value_parser = not_negative, hide_short_help = true)]
     pub(crate) rest_speed: Option<f64>,
     /// The delay in s of an effort, which is logged later than its motion: NAME=S.
     /// `identify` always estimates it; `auto` also corrects the delays that least
@@ -80,7 +80,7 @@ pub(crate) struct ReadingArgs {
     pub(crate) delay: Vec<DelayArg>,
     /// Use the energy balance over windows of this length in s instead of the
     /// equations of motion, which needs no accelerations
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", hide_short_help = true)]
     pub(crate) energy: Option<f64>,
     /// The content of the experiment file, which the options override.
     #[arg(skip)]

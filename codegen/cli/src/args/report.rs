@@ -34,7 +34,7 @@ pub(crate) struct ReportArgs {
     #[arg(long, value_name = "LOG", num_args = 1.., value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) against: Vec<Run>,
     /// Write each figure as an SVG file into this folder
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", hide_short_help = true)]
     pub(crate) figures: Option<PathBuf>,
     /// The command line as a shell reads it, which the page shows.
     #[arg(skip)]

@@ -60,9 +60,16 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
     /// The rows in memory at one of `every` instants, behind a low-pass filter below half their rate,
     /// for a method of differentiation.
     ///
+    /// - `decimation`: one of so many filtered equations of these is used.
+    ///
     /// # Errors
     /// When the rows are not sampled evenly, or no stretch is long enough.
-    pub(crate) fn thinned(&self, method: Method, every: usize) -> Result<Self, DataError> {
+    pub(crate) fn thinned(
+        &self,
+        method: Method,
+        every: usize,
+        decimation: usize,
+    ) -> Result<Self, DataError> {
         let mut files = Vec::with_capacity(self.files.len());
         for log in &self.files {
             files.push(if every > 1 {
@@ -73,7 +80,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         }
         let mut all = self.with_files(files);
         all.settings.method = method;
-        all.settings.decimation = 1;
+        all.settings.decimation = decimation;
         Ok(all)
     }
 
@@ -81,10 +88,11 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
     ///
     /// - `scale`: the factor of the noise; with the opposite sign the same noise is subtracted;
     /// - `deviations`: for each log, the standard deviation of the noise of each column behind the
-    ///   time, as many as columns of motion.
+    ///   time, as many as columns of motion; none for a log without noise.
     pub(crate) fn disturbed(&self, scale: f64, deviations: &[Vec<f64>]) -> Self {
         let mut random = Random(SEED);
-        let files = self.files.iter().zip(deviations).map(|(log, own)| {
+        let files = self.files.iter().enumerate().map(|(k, log)| {
+            let own = deviations.get(k).map_or(&[][..], Vec::as_slice);
             let kept = log.kept.as_ref().map(|stretches| {
                 let mut stretches = stretches.clone();
                 for row in stretches.iter_mut().flatten() {

@@ -11,7 +11,7 @@
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 
-use super::motion_noise::{RATE_PER_CUTOFF, bias_of_noise, is_undetermined, values, whole};
+use super::motion_noise::{NoisyLogs, is_undetermined, rates, values, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Run, Settings};
 use crate::estimate::QrFactor;
@@ -27,6 +27,11 @@ const DECADE: [f64; 8] = [1.0, 1.3, 1.8, 2.4, 3.2, 4.2, 5.6, 7.5];
 const MIN_PERIODS: f64 = 10.0;
 /// The highest cutoff over the rate of the rows.
 const MAX_CUTOFF_RATIO: f64 = 0.3;
+/// From one cutoff to the next, the bias by noise of the motion grows by about this factor: noise of
+/// accelerations has a power with the fifth power of the cutoff.
+const GROWTH: f64 = 5.0;
+/// A bias below this part of the deviation is not computed, but taken as grown.
+const NEGLIGIBLE: f64 = 0.02;
 /// The rate of the equations that the estimate is computed from, over the cutoff.
 const EQUATION_RATE: f64 = 10.0;
 /// The largest number of rows of each log on which cutoffs are tried.
@@ -203,7 +208,7 @@ fn search<M: BaseModel<f64> + ?Sized>(
     let mut errors = Vec::new();
     let mut best = 0;
     for cutoff in cutoffs(MIN_PERIODS / length, MAX_CUTOFF_RATIO * rate) {
-        match trial(session, logs, &levels, cutoff, rate) {
+        match trial(session, logs, &levels, (cutoff, rate), trials.last()) {
             Ok(found) => trials.push(found),
             Err(error @ DataError::Signal { why: SignalError::NotUniform { .. }, .. }) => {
                 return Err(error);
@@ -235,19 +240,24 @@ fn cutoffs(least: f64, most: f64) -> Vec<f64> {
     all.map(|c| format!("{c:.6}").parse().unwrap_or(c)).collect()
 }
 
+/// The estimate with a filter.
+///
+/// - `lower`: that of the next lower cutoff, whose bias is taken where noise of the motion is far too small
+///   to matter with this one.
 fn trial<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &Logs<'_, M>,
     levels: &[Vec<NoiseLevels>],
-    cutoff: f64,
-    rate: f64,
+    (cutoff, rate): (f64, f64),
+    lower: Option<&Trial>,
 ) -> Result<Trial, DataError> {
     let method = Method::Butterworth {
         order: ORDER,
         cutoff,
     };
-    let every = whole(rate / (RATE_PER_CUTOFF * cutoff));
-    let mut logs = logs.thinned(method, every)?;
+    let [every, decimation] = rates(rate, cutoff);
+    let thinned = logs.thinned(method, every, decimation)?;
+    let mut noisy = NoisyLogs::new(&thinned);
     let options = Options {
         lags: 1,
         ..session.options
@@ -255,19 +265,26 @@ fn trial<M: BaseModel<f64> + ?Sized>(
     // friction that is not among the base parameters is linear here
     let is_linear = nonlinear_joints(session.model).is_empty();
     let found = if is_linear {
-        identify::identify(session.model, session.kind, &options, &mut logs)?
+        identify::identify(session.model, session.kind, &options, &mut noisy)?
     } else {
-        with_linear_friction(session.model, &options, &mut logs)?
+        with_linear_friction(session.model, &options, &mut noisy)?
     };
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-    let bias = bias_of_noise(&logs, levels, cutoff, |logs| {
-        if is_linear {
-            values(session, &weights, logs)
-        } else {
-            let found = with_linear_friction(session.model, &options, logs)?;
-            Ok(found.estimate.values)
-        }
-    })?;
+    let negligible = lower.filter(|lower| {
+        let mut pairs = lower.bias.iter().enumerate();
+        pairs.all(|(k, bias)| GROWTH * bias.abs() < NEGLIGIBLE * found.deviations.sigma(k))
+    });
+    let bias = match negligible {
+        Some(lower) => lower.bias.iter().map(|bias| GROWTH * bias).collect(),
+        None => noisy.bias(&thinned, levels, cutoff, |logs| {
+            if is_linear {
+                values(session, &weights, logs)
+            } else {
+                let found = with_linear_friction(session.model, &options, logs)?;
+                Ok(found.estimate.values)
+            }
+        })?,
+    };
     let pairs = found.estimate.values.iter().zip(&bias);
     Ok(Trial {
         cutoff,

@@ -18,44 +18,6 @@ use super::Session;
 /// The added noise over that of the log.
 const SCALE: f64 = 0.5;
 
-/// By how much the noise of the motion changes each least-squares parameter, SI: the values that are found
-/// less those without noise, to the first order of its variance.
-///
-/// - `logs`: in memory, with the method that is judged, at the rate at which it is;
-/// - `levels`: the noise levels of the columns of motion of each log;
-/// - `cutoff`: the frequency up to which the equations keep noise, Hz;
-/// - `fit`: the least-squares parameters of logs.
-///
-/// # Errors
-/// Those of `fit`.
-pub(super) fn bias_of_noise<M: BaseModel<f64> + ?Sized>(
-    logs: &Logs<'_, M>,
-    levels: &[Vec<NoiseLevels>],
-    cutoff: f64,
-    mut fit: impl FnMut(&mut NoisyLogs<'_, M>) -> Result<Vec<f64>, DataError>,
-) -> Result<Vec<f64>, DataError> {
-    let deviations: Vec<Vec<f64>> = (logs.durations().iter().zip(levels))
-        .map(|((step, _), levels)| {
-            let deviation = |own: &NoiseLevels| (own.density(cutoff) / step).sqrt();
-            levels.iter().map(deviation).collect()
-        })
-        .collect();
-    let mut noisy = NoisyLogs {
-        logs: logs.disturbed(0.0, &deviations),
-        rests: Vec::new(),
-        are_known: false,
-    };
-    let without = fit(&mut noisy)?;
-    noisy.logs = logs.disturbed(SCALE, &deviations);
-    let added = fit(&mut noisy)?;
-    noisy.logs = logs.disturbed(-SCALE, &deviations);
-    let subtracted = fit(&mut noisy)?;
-    let pairs = added.iter().zip(&subtracted).zip(&without);
-    Ok(pairs
-        .map(|((a, b), x)| (0.5 * (a + b) - x) / (SCALE * SCALE))
-        .collect())
-}
-
 /// Logs to whose motion noise is added, with the rests of the motion without it: other equations that are
 /// left out would move the parameters by more than the noise does.
 pub(super) struct NoisyLogs<'m, M: ?Sized> {
@@ -63,6 +25,51 @@ pub(super) struct NoisyLogs<'m, M: ?Sized> {
     /// For each state of a pass without noise its time, s, and whether each coordinate rests.
     rests: Vec<(f64, Vec<bool>)>,
     are_known: bool,
+}
+
+impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
+    /// Logs in memory, without added noise.
+    pub(super) fn new(logs: &Logs<'m, M>) -> Self {
+        Self {
+            logs: logs.disturbed(0.0, &[]),
+            rests: Vec::new(),
+            are_known: false,
+        }
+    }
+
+    /// By how much the noise of the motion changes each least-squares parameter, SI: the values that are
+    /// found less those without noise, to the first order of its variance.
+    ///
+    /// - `logs`: those that these were made from;
+    /// - `levels`: the noise levels of the columns of motion of each log;
+    /// - `cutoff`: the frequency up to which the equations keep noise, Hz;
+    /// - `fit`: the least-squares parameters of logs.
+    ///
+    /// # Errors
+    /// Those of `fit`.
+    pub(super) fn bias(
+        mut self,
+        logs: &Logs<'m, M>,
+        levels: &[Vec<NoiseLevels>],
+        cutoff: f64,
+        mut fit: impl FnMut(&mut Self) -> Result<Vec<f64>, DataError>,
+    ) -> Result<Vec<f64>, DataError> {
+        let deviations: Vec<Vec<f64>> = (logs.durations().iter().zip(levels))
+            .map(|((step, _), levels)| {
+                let deviation = |own: &NoiseLevels| (own.density(cutoff) / step).sqrt();
+                levels.iter().map(deviation).collect()
+            })
+            .collect();
+        let without = fit(&mut self)?;
+        self.logs = logs.disturbed(SCALE, &deviations);
+        let added = fit(&mut self)?;
+        self.logs = logs.disturbed(-SCALE, &deviations);
+        let subtracted = fit(&mut self)?;
+        let pairs = added.iter().zip(&subtracted).zip(&without);
+        Ok(pairs
+            .map(|((a, b), x)| (0.5 * (a + b) - x) / (SCALE * SCALE))
+            .collect())
+    }
 }
 
 impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
@@ -120,9 +127,11 @@ pub(super) fn values<M: BaseModel<f64> + ?Sized>(
 }
 
 /// The largest number of rows of each log that noise is added to.
-const MAX_ROWS: usize = 1 << 17;
+const MAX_ROWS: usize = 1 << 16;
 /// The rate of rows behind a low-pass filter over its cutoff: those left out tell nothing more.
-pub(super) const RATE_PER_CUTOFF: f64 = 16.0;
+const ROWS_PER_CUTOFF: f64 = 16.0;
+/// The same of equations, which have passed the filter.
+const EQUATIONS_PER_CUTOFF: f64 = 5.0;
 /// The frequency below which differences of neighbouring rows keep noise, over the rate of the rows.
 const OF_DIFFERENCES: f64 = 0.35;
 
@@ -143,20 +152,29 @@ pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
     let steps = kept.durations();
     let step = steps.iter().map(|(step, _)| *step).fold(f64::INFINITY, f64::min);
     let method = logs.settings().method;
-    let (cutoff, every) = match method {
-        Method::Butterworth { cutoff, .. } => (cutoff, whole(1.0 / (step * RATE_PER_CUTOFF * cutoff))),
-        Method::Local { half_width } => (0.5 / half_width, 1),
-        _ => (OF_DIFFERENCES / step, 1),
+    let (cutoff, [every, decimation]) = match method {
+        Method::Butterworth { cutoff, .. } => (cutoff, rates(1.0 / step, cutoff)),
+        Method::Local { half_width } => (0.5 / half_width, [1, 1]),
+        _ => (OF_DIFFERENCES / step, [1, 1]),
     };
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-    let bias = kept.thinned(method, every).and_then(|thinned| {
-        bias_of_noise(&thinned, &kept.noise_levels(), cutoff, |logs| values(session, &weights, logs))
+    let bias = kept.thinned(method, every, decimation).and_then(|thinned| {
+        let levels = kept.noise_levels();
+        let fit = |logs: &mut NoisyLogs<'_, M>| values(session, &weights, logs);
+        NoisyLogs::new(&thinned).bias(&thinned, &levels, cutoff, fit)
     });
     match bias {
         Ok(bias) => Ok(Some(bias)),
         Err(error) if is_undetermined(&error) => Ok(None),
         Err(error) => Err(error),
     }
+}
+
+/// How many rows at a rate in Hz there are to one that a filter with this cutoff needs, and how many of
+/// these to one of its equations.
+pub(super) fn rates(rate: f64, cutoff: f64) -> [usize; 2] {
+    let every = whole(rate / (ROWS_PER_CUTOFF * cutoff));
+    [every, whole(rate / (every as f64 * EQUATIONS_PER_CUTOFF * cutoff))]
 }
 
 /// The whole number below a ratio, at least 1.
