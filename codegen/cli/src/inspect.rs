@@ -311,6 +311,7 @@ fn predicted(
             outliers: Some(Policy::Keep),
             saturated: Some(Policy::Keep),
             stuck: Some(Policy::Keep),
+            gaps: session.reading.checks.gaps,
         };
     }
     let mut opened = match session.open(&runs) {

@@ -2,6 +2,7 @@
 //! [`Source`] of states.
 
 use super::average::Average;
+use super::bridge::Bridged;
 use super::policy::{Policies, Policy};
 use super::problem::{DataError, Problems};
 use super::reader::{LogFile, LogRow, Survey};
@@ -42,6 +43,8 @@ pub struct FileReport {
     /// The first and the last time of the log, s, where the times that are asked for leave out none
     /// of its rows.
     pub uncut: Option<(f64, f64)>,
+    /// The gaps and dropouts that were bridged.
+    pub bridged: Bridged,
     /// The faulty rows.
     pub problems: Problems,
     /// What was done with the faulty rows.
@@ -155,10 +158,16 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let velocities: Vec<Option<usize>> =
                 both.map(|(v, a)| v.filter(|_| a.is_none())).collect();
             let mut of_velocities = differences.clone();
-            file.rows(
+            let mut was_bridged = false;
+            let bridged = file.rows(
                 &survey,
                 &mut |problem| problems.add(problem),
                 &mut |row, follows| {
+                    // what is interpolated tells nothing of an encoder
+                    let follows = follows && !core::mem::replace(&mut was_bridged, row.bridged);
+                    if row.bridged {
+                        return Ok(());
+                    }
                     rows += 1;
                     let positions = &row.values[file.layout.positions()];
                     for (all, value) in differences.iter_mut().zip(positions) {
@@ -214,6 +223,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 states: 0,
                 derivatives: file.layout.derivatives,
                 velocities: velocities.iter().all(Option::is_some) && series.is_none(),
+                bridged,
                 problems,
                 policies,
             });
@@ -320,7 +330,11 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                     why,
                 })?;
                 for (k, (values, weights)) in means.into_iter().enumerate() {
-                    let row = LogRow { line: 0, values };
+                    let row = LogRow {
+                        line: 0,
+                        values,
+                        bridged: false,
+                    };
                     window.take(&row, Some(weights), k > 0)?;
                 }
             }

@@ -6,6 +6,7 @@ use super::reader::LogRow;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stretch {
     lines: Vec<u64>,
+    bridged: Vec<bool>,
     columns: Vec<Vec<f64>>,
 }
 
@@ -19,6 +20,23 @@ impl Stretch {
             column.push(*value);
         }
         self.lines.push(row.line);
+        self.bridged.push(row.bridged);
+    }
+
+    /// Whether a row has entries that are interpolated across a gap.
+    pub(super) fn bridged(&self) -> &[bool] {
+        &self.bridged
+    }
+
+    /// For each row, whether the one of the rows within this distance is interpolated across a gap.
+    pub(super) fn near_bridged(&self, rows: usize) -> Vec<bool> {
+        let mut out = vec![false; self.len()];
+        for (k, _) in self.bridged.iter().enumerate().filter(|own| *own.1) {
+            let end = (k + rows + 1).min(out.len());
+            let near = out.get_mut(k.saturating_sub(rows)..end);
+            near.unwrap_or_default().fill(true);
+        }
+        out
     }
 
     /// The number of rows.
@@ -45,6 +63,7 @@ impl Stretch {
     pub(super) fn keep_last(&mut self, rows: usize) {
         let first = self.len().saturating_sub(rows);
         self.lines.drain(..first);
+        self.bridged.drain(..first);
         for column in &mut self.columns {
             column.drain(..first);
         }
@@ -67,12 +86,16 @@ mod tests {
             rows.push(&LogRow {
                 line: u64::from(k) + 2,
                 values: vec![0.1 * f64::from(k), f64::from(k)],
+                bridged: k == 3,
             });
         }
         rows.keep_last(2);
         assert_eq!((rows.len(), rows.line(0), rows.line(1)), (2, 5, 6));
         assert_eq!(rows.times(), [0.1 * 3.0, 0.1 * 4.0]);
         assert_eq!(rows.column(1), [3.0, 4.0]);
+        assert_eq!(rows.bridged(), [true, false]);
+        assert_eq!(rows.near_bridged(1), [true, true]);
+        assert_eq!(rows.near_bridged(0), [true, false]);
         rows.keep_last(7);
         assert_eq!(rows.len(), 2);
         rows.clear();
