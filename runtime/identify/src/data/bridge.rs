@@ -15,7 +15,7 @@ use crate::signals::Method;
 
 /// The longest gap that is bridged, in periods of the filter's cutoff frequency: half a period of the
 /// fastest motion that passes.
-const BRIDGED_PERIODS: f64 = 0.5;
+const BRIDGED_PERIODS: f64 = 1.0;
 /// The same for a local regression, in half widths of its window.
 const BRIDGED_WIDTHS: f64 = 0.5;
 /// The least number of rows on either side of a gap that it is interpolated from.

@@ -29,11 +29,18 @@ const MIN_CHANGE_ROWS: f64 = 2.0;
 const MIN_TURNS: usize = 3;
 /// Signals with noise repeat by chance where they are rounded; a stretch is a dropout if fewer than this
 /// number of so many repetitions are to be expected in the whole log.
-const MAX_EXPECTED: f64 = 1e-3;
+const MAX_EXPECTED: f64 = 1e-2;
 /// The least number of repeated rows at the end of a log.
 const MIN_REPEATS_AT_END: usize = 8;
 /// A signal that came to rest had a last change below this part of the mean of those before.
 const MIN_UNBRAKED_PART: f64 = 0.7;
+/// The same where several signals repeat together, of the first change after the stretch too.
+const MIN_SHARP_PART: f64 = 0.5;
+/// The number of dropouts of the same signals by which an effort that repeats its largest value is known
+/// as another one: alone, it may be at its limit.
+const MIN_ALIKE: usize = 2;
+/// How many times longer than these another one may be.
+const MAX_ALIKE_RATIO: usize = 2;
 /// The largest number of stretches that are kept.
 const MAX_STRETCHES: usize = 16_384;
 
@@ -47,7 +54,7 @@ pub(super) struct Dropout {
     pub(super) entries: Vec<usize>,
     /// The time from the row before to the row after, s; infinite at the ends of the log.
     pub(super) seconds: f64,
-    /// Whether only one signal is known to have gone on.
+    /// Whether one signal repeats alone.
     pub(super) alone: bool,
 }
 
@@ -142,8 +149,14 @@ struct Judged {
     rows: usize,
     /// The entries that moved meanwhile.
     moved: Vec<usize>,
+    /// The entries that moved meanwhile, unless their changes are few steps of an encoder.
+    moved_steps: Vec<usize>,
     /// The entries with noise on both sides, and their values.
     noisy: Vec<(usize, f64)>,
+    /// The entries that changed in every row on both sides, and did not come to rest.
+    sharp: Vec<usize>,
+    /// Whether most of what repeats together did so, as far as a few rows on either side tell.
+    alike: bool,
 }
 
 /// The row at which an entry began to repeat.
@@ -248,7 +261,7 @@ impl DropoutFinder {
                     jump: *jump,
                 })
             });
-            let members = members.collect();
+            let members: Vec<Member> = members.collect();
             self.open.push(Open {
                 dropout: Dropout {
                     first: start.line,
@@ -259,7 +272,7 @@ impl DropoutFinder {
                     } else {
                         time - start.time
                     },
-                    alone: false,
+                    alone: members.len() == 1,
                 },
                 rows: *rows,
                 members,
@@ -280,15 +293,27 @@ impl DropoutFinder {
 
     /// Judges a stretch by the changes since.
     fn judge(&mut self, open: Open) {
-        let (mut moved, mut noisy) = (Vec::new(), Vec::new());
+        let (mut moved, mut moved_steps) = (Vec::new(), Vec::new());
+        let (mut noisy, mut sharp) = (Vec::new(), Vec::new());
+        let mut alike = 0;
         for member in &open.members {
             let Some(signal) = self.signals.get(member.entry - 1) else {
                 continue;
             };
             let after: Vec<f64> = signal.changes.iter().take(open.age).copied().collect();
-            if has_moved(open.rows, member, &after, open.leads) {
-                moved.push(member.entry);
+            match has_moved(open.rows, member, &after, open.leads) {
+                Some(Steps::Many) => moved.push(member.entry),
+                Some(Steps::Few) => moved_steps.push(member.entry),
+                None => {}
             }
+            let sides = [is_sharp(&member.before, true), is_sharp(&after, false)];
+            let lengths = [member.before.len(), after.len()];
+            if !open.leads && sides == [true; 2] && lengths.iter().all(|n| *n >= MIN_SIDE) {
+                sharp.push(member.entry);
+            }
+            let fits = |(sharp, length): (bool, usize)| sharp || length == 0;
+            let all = sides.into_iter().zip(lengths).all(fits);
+            alike += usize::from(all && sides.contains(&true));
             if !open.leads && has_noise(&member.before, &after) {
                 noisy.push((member.entry, member.value));
             }
@@ -297,12 +322,19 @@ impl DropoutFinder {
             dropout: open.dropout,
             rows: open.rows,
             moved,
+            moved_steps,
             noisy,
+            sharp,
+            alike: !open.leads && alike > 0 && 2 * alike >= open.members.len(),
         });
     }
 
     fn keep(&mut self, judged: Judged) {
-        let is_evident = !judged.moved.is_empty() || !judged.noisy.is_empty();
+        let [moved, steps, sharp] = [&judged.moved, &judged.moved_steps, &judged.sharp];
+        let is_evident = [moved, steps].iter().any(|own| !own.is_empty())
+            || !judged.noisy.is_empty()
+            || sharp.len() > 1
+            || judged.alike;
         if is_evident && self.judged.len() < MAX_STRETCHES {
             self.judged.push(judged);
         }
@@ -344,17 +376,21 @@ impl DropoutFinder {
         if moved.len() < 2 {
             moved.clear();
         }
+        let alone = entries.len() == 1;
         self.keep(Judged {
             dropout: Dropout {
                 first,
                 last,
                 entries,
                 seconds: f64::INFINITY,
-                alone: false,
+                alone,
             },
             rows,
             moved,
+            moved_steps: Vec::new(),
             noisy,
+            sharp: Vec::new(),
+            alike: false,
         });
     }
 
@@ -366,36 +402,73 @@ impl DropoutFinder {
             self.judge(open);
         }
         self.judge_end();
-        let rows = self.rows as f64;
-        let mut out = Vec::new();
-        for judged in core::mem::take(&mut self.judged) {
-            let mut dropout = judged.dropout;
-            let signal = |entry: usize| self.signals.get(entry - 1);
-            let mut noisy = judged.noisy;
-            noisy.retain(|(entry, value)| {
-                let range = signal(*entry).and_then(|s| s.range);
-                let is_limit = range.is_some_and(|(low, high)| *value <= low || *value >= high);
-                // an effort of 0 is that of a drive without current
-                !(efforts.contains(entry) && (is_limit || *value == 0.0))
-            });
-            let chance =
-                |(entry, _): &(usize, f64)| signal(*entry).map_or(0.0, |s| s.chance().ln());
-            let exponent: f64 = noisy.iter().map(chance).sum();
-            let by_chance = rows * (exponent * judged.rows as f64).exp();
-            if noisy.is_empty() || by_chance > MAX_EXPECTED {
-                noisy.clear();
-            }
-            let mut evident = judged.moved;
-            evident.extend(noisy.iter().map(|(entry, _)| *entry));
-            evident.sort_unstable();
-            evident.dedup();
-            if !evident.is_empty() {
-                dropout.alone = evident.len() == 1;
-                out.push(dropout);
+        let judged = core::mem::take(&mut self.judged);
+        let (mut certain, mut others) = (Vec::new(), Vec::new());
+        for judged in judged {
+            match self.evidence(&judged, &efforts) {
+                Evidence::Enough => certain.push(judged),
+                Evidence::IfAlike => others.push(judged),
+                Evidence::None => {}
             }
         }
+        let is_alike = |own: &Judged| {
+            let alike = certain.iter().filter(|other| {
+                let longest = MAX_ALIKE_RATIO * other.rows;
+                other.dropout.entries == own.dropout.entries && own.rows <= longest
+            });
+            alike.take(MIN_ALIKE).count() == MIN_ALIKE
+        };
+        others.retain(is_alike);
+        certain.append(&mut others);
+        let mut out: Vec<Dropout> = certain.into_iter().map(|own| own.dropout).collect();
         out.sort_by_key(|dropout| (dropout.first, dropout.last));
         out
+    }
+}
+
+/// What speaks for a dropout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Evidence {
+    Enough,
+    /// Only if the log has more certain ones of the same signals: too few rows around it tell, or an
+    /// effort repeats its largest or smallest value, or 0, as a drive at its limit or without current.
+    IfAlike,
+    None,
+}
+
+impl DropoutFinder {
+    fn evidence(&self, judged: &Judged, efforts: &core::ops::Range<usize>) -> Evidence {
+        if !judged.moved.is_empty() {
+            return Evidence::Enough;
+        }
+        let signal = |entry: usize| self.signals.get(entry - 1);
+        let chance = |entry: usize| signal(entry).map_or(0.0, |own| own.chance().ln());
+        // whether so many repetitions are no chance
+        let is_rare = |entries: &[usize]| {
+            let exponent: f64 = entries.iter().map(|entry| chance(*entry)).sum();
+            let expected = self.rows as f64 * (exponent * judged.rows as f64).exp();
+            !entries.is_empty() && expected < MAX_EXPECTED
+        };
+        if is_rare(&judged.moved_steps) || judged.sharp.len() > 1 && is_rare(&judged.sharp) {
+            return Evidence::Enough;
+        }
+        let is_limited = |(entry, value): &(usize, f64)| {
+            let range = signal(*entry).and_then(|own| own.range);
+            let is_limit = range.is_some_and(|(low, high)| *value <= low || *value >= high);
+            efforts.contains(entry) && (is_limit || *value == 0.0)
+        };
+        let entries = |limited: bool| {
+            let own = judged.noisy.iter();
+            let own = own.filter(|noisy| limited || !is_limited(noisy));
+            own.map(|(entry, _)| *entry).collect::<Vec<usize>>()
+        };
+        if is_rare(&entries(false)) {
+            Evidence::Enough
+        } else if judged.alike || is_rare(&entries(true)) {
+            Evidence::IfAlike
+        } else {
+            Evidence::None
+        }
     }
 }
 
@@ -422,17 +495,24 @@ fn roughness(sides: &[&[f64]]) -> f64 {
     (sum / f64::max(count, 1.0)).sqrt()
 }
 
+/// The size of changes in steps of an encoder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Steps {
+    Many,
+    Few,
+}
+
 /// Whether a signal that repeated over so many rows went on meanwhile, by its changes on both sides.
 ///
 /// - `leads`: whether nothing is known of the time before.
-fn has_moved(rows: usize, member: &Member, after: &[f64], leads: bool) -> bool {
+fn has_moved(rows: usize, member: &Member, after: &[f64], leads: bool) -> Option<Steps> {
     let before = &member.before[..];
     let zeros = |side: &[f64]| side.iter().filter(|c| **c == 0.0).count();
     if after.len() < MIN_SIDE || zeros(after) > 1 {
-        return false;
+        return None;
     }
     if !leads && (before.len() < MIN_SIDE || zeros(before) > 1) {
-        return false;
+        return None;
     }
     let fast = mean(after.iter());
     let slow = if leads {
@@ -444,9 +524,27 @@ fn has_moved(rows: usize, member: &Member, after: &[f64], leads: bool) -> bool {
     let sides = before.iter().chain(after).map(|c| c.abs());
     let smallest = sides.filter(|c| *c > 0.0).fold(f64::INFINITY, f64::min);
     let least = (MIN_CHANGE_NOISE * roughness(&[before, after]))
-        .max(MIN_CHANGE_STEPS * smallest)
         .max(MIN_CHANGE_ROWS * fast.abs().max(slow.abs()));
-    predicted.abs() >= least && (member.jump - predicted).abs() <= PREDICTED_PART * predicted.abs()
+    let moved = predicted.abs() >= least
+        && (member.jump - predicted).abs() <= PREDICTED_PART * predicted.abs();
+    let steps = if predicted.abs() >= MIN_CHANGE_STEPS * smallest {
+        Steps::Many
+    } else {
+        Steps::Few
+    };
+    moved.then_some(steps)
+}
+
+/// Whether a signal changes in every row on one side of a stretch, and neither brakes before nor starts
+/// from rest behind it.
+fn is_sharp(changes: &[f64], is_before: bool) -> bool {
+    let mean = changes.iter().map(|c| c.abs()).sum::<f64>() / changes.len().max(1) as f64;
+    let next = if is_before {
+        changes.last()
+    } else {
+        changes.first()
+    };
+    next.is_some_and(|next| next.abs() >= MIN_SHARP_PART * mean) && !changes.contains(&0.0)
 }
 
 /// Whether a signal has noise that changes it in every row, on both sides of a stretch.

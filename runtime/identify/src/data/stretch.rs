@@ -28,13 +28,19 @@ impl Stretch {
         &self.bridged
     }
 
-    /// For each row, whether the one of the rows within this distance is interpolated across a gap.
-    pub(super) fn near_bridged(&self, rows: usize) -> Vec<bool> {
+    /// For each row, whether it is near one that is interpolated across a gap: within a third of the
+    /// gap's rows, and within `most` rows.
+    pub(super) fn near_bridged(&self, most: usize) -> Vec<bool> {
         let mut out = vec![false; self.len()];
-        for (k, _) in self.bridged.iter().enumerate().filter(|own| *own.1) {
-            let end = (k + rows + 1).min(out.len());
-            let near = out.get_mut(k.saturating_sub(rows)..end);
-            near.unwrap_or_default().fill(true);
+        let mut start = 0;
+        for gap in self.bridged.chunk_by(|a, b| a == b) {
+            let end = start + gap.len();
+            if gap.first() == Some(&true) {
+                let rows = (gap.len() / 3).min(most);
+                let near = start.saturating_sub(rows)..(end + rows).min(out.len());
+                out.get_mut(near).unwrap_or_default().fill(true);
+            }
+            start = end;
         }
         out
     }

@@ -28,7 +28,7 @@ const RISE_TIME_PERIODS: f64 = 0.3;
 /// How far the error of an interpolated gap matters on either side of it, in times that the
 /// differentiation reaches to one side: two rise times of the filter, behind which the error of the
 /// acceleration has decayed to the noise.
-const BRIDGE_REACHES: f64 = 1.0;
+const BRIDGE_REACHES: f64 = 2.0;
 
 /// The current window of rows of one file, and what is needed to compute states from it.
 pub(super) struct Window<'a, 'm, M: ?Sized> {
