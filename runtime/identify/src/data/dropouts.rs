@@ -36,6 +36,8 @@ const MIN_REPEATS_AT_END: usize = 8;
 const MIN_UNBRAKED_PART: f64 = 0.7;
 /// The same where several signals repeat together, of the first change after the stretch too.
 const MIN_SHARP_PART: f64 = 0.5;
+/// The least change over a stretch of one of these signals, in its next change.
+const MIN_JUMP_RATIO: f64 = 2.0;
 /// The number of dropouts of the same signals by which an effort that repeats its largest value is known
 /// as another one: alone, it may be at its limit.
 const MIN_ALIKE: usize = 2;
@@ -296,6 +298,7 @@ impl DropoutFinder {
         let (mut moved, mut moved_steps) = (Vec::new(), Vec::new());
         let (mut noisy, mut sharp) = (Vec::new(), Vec::new());
         let mut alike = 0;
+        let mut jumps = false;
         for member in &open.members {
             let Some(signal) = self.signals.get(member.entry - 1) else {
                 continue;
@@ -311,6 +314,9 @@ impl DropoutFinder {
             if !open.leads && sides == [true; 2] && lengths.iter().all(|n| *n >= MIN_SIDE) {
                 sharp.push(member.entry);
             }
+            // a joint that rested has changed by one row's motion
+            let next = after.first().or(member.before.last());
+            jumps |= next.is_some_and(|next| member.jump.abs() >= MIN_JUMP_RATIO * next.abs());
             let fits = |(sharp, length): (bool, usize)| sharp || length == 0;
             let all = sides.into_iter().zip(lengths).all(fits);
             alike += usize::from(all && sides.contains(&true));
@@ -324,8 +330,8 @@ impl DropoutFinder {
             moved,
             moved_steps,
             noisy,
-            sharp,
-            alike: !open.leads && alike > 0 && 2 * alike >= open.members.len(),
+            sharp: if jumps { sharp } else { Vec::new() },
+            alike: jumps && !open.leads && alike > 0 && 2 * alike >= open.members.len(),
         });
     }
 
@@ -615,7 +621,7 @@ mod tests {
                 let at = |k: usize| 150 + 311 * k + 7 * rows;
                 let stretches: Vec<(usize, usize)> =
                     (0..4).map(|k| (at(k), at(k) + rows - 1)).collect();
-                let held: Vec<_> = found(2500, late(&stretches, entries, swinging));
+                let held: Vec<_> = found(3200, late(&stretches, entries, swinging));
                 let wanted = stretches
                     .iter()
                     .map(|(a, b)| (*a as u64, *b as u64, entries.to_vec()));

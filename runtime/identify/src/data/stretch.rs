@@ -100,11 +100,31 @@ mod tests {
         assert_eq!(rows.times(), [0.1 * 3.0, 0.1 * 4.0]);
         assert_eq!(rows.column(1), [3.0, 4.0]);
         assert_eq!(rows.bridged(), [true, false]);
-        assert_eq!(rows.near_bridged(1), [true, true]);
-        assert_eq!(rows.near_bridged(0), [true, false]);
+
         rows.keep_last(7);
         assert_eq!(rows.len(), 2);
         rows.clear();
+        assert!(rows.bridged().is_empty());
         assert_eq!((rows.len(), rows.times().len(), rows.line(0)), (0, 0, 0));
+    }
+
+    #[test]
+    fn a_third_of_a_gap_is_left_out_on_either_side_of_it() {
+        let mut rows = Stretch::default();
+        for k in 0..30 {
+            rows.push(&LogRow {
+                line: k,
+                values: vec![0.1 * k as f64],
+                bridged: (4..13).contains(&k) || (20..22).contains(&k),
+            });
+        }
+        let near = |most: usize| {
+            let near = rows.near_bridged(most).into_iter().enumerate();
+            near.filter(|own| own.1)
+                .map(|own| own.0)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(near(10), (1..16).chain(20..22).collect::<Vec<_>>());
+        assert_eq!(near(2), (2..15).chain(20..22).collect::<Vec<_>>());
     }
 }
