@@ -148,12 +148,16 @@ impl fmt::Display for Problem {
                 "an uneven step of {step:.6} s before it, the usual step is {usual:.6} s"
             ),
             Fault::Dropout { columns } => {
-                let columns: Vec<String> = columns.iter().map(|c| format!("`{c}`")).collect();
-                let (columns, s) = (
-                    columns.join(", "),
-                    if columns.len() == 1 { "" } else { "s" },
-                );
-                write!(f, "column{s} {columns} as in the row before: a dropout")
+                let named = columns.iter().take(MAX_NAMED_COLUMNS);
+                let mut all = named
+                    .map(|c| format!("`{c}`"))
+                    .collect::<Vec<_>>()
+                    .join(", ");
+                if let Some(more @ 1..) = columns.len().checked_sub(MAX_NAMED_COLUMNS) {
+                    all += &format!(" and {more} more");
+                }
+                let s = if columns.len() == 1 { "" } else { "s" };
+                write!(f, "column{s} {all} as in the row before: a dropout")
             }
             Fault::Outlier {
                 column,
@@ -249,6 +253,8 @@ pub struct Problems {
     pub counts: Vec<(String, usize)>,
 }
 
+/// The largest number of columns of a dropout that are named.
+const MAX_NAMED_COLUMNS: usize = 4;
 /// The largest number of problems that are listed one by one.
 const MAX_LISTED_PROBLEMS: usize = 20;
 

@@ -25,9 +25,9 @@ const WINDOW_ROWS: usize = 8192;
 const STATES: usize = 512;
 /// Rise time of a low-pass filter after a step, in periods of its cutoff frequency.
 const RISE_TIME_PERIODS: f64 = 0.3;
-/// How far the error of an interpolated gap matters on either side of it, in times that the
+/// How far the error of an interpolated gap may matter on either side of it, in times that the
 /// differentiation reaches to one side: two rise times of the filter, behind which the error of the
-/// acceleration has decayed to the noise.
+/// acceleration has decayed to the noise, also for the longest gaps.
 const BRIDGE_REACHES: f64 = 2.0;
 
 /// The current window of rows of one file, and what is needed to compute states from it.
