@@ -196,12 +196,35 @@ pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {
         .map(String::as_str)
         .collect();
     match failure {
-        Failure::Numeric(text) if !still.is_empty() => Failure::Numeric(format!(
-            "{text}\n  no log has motion of {} beyond its noise: {LOCK}",
-            still.join(", ")
-        )),
+        Failure::Numeric(mut text) => {
+            if !still.is_empty() {
+                text += &format!(
+                    "\n  no log has motion of {} beyond its noise: {LOCK}",
+                    still.join(", ")
+                );
+            }
+            for report in reports {
+                text += &said_of_stretches(report).unwrap_or_default();
+            }
+            Failure::Numeric(text)
+        }
         other => other,
     }
+}
+
+/// Why a log gives no equation, if all its stretches are too short for the filter.
+fn said_of_stretches(report: &FileReport) -> Option<String> {
+    let bridged = report.bridged.count + report.bridged.cuts;
+    (report.settling > report.longest && bridged + report.problems.total() > 0).then(|| {
+        format!(
+            "\n  {}: gaps, dropouts or rows that are left out divide it into stretches of at most \
+             {} s, and the filter needs {} s to settle at both ends of one: bridge gaps \
+             (`gaps: bridge`), raise the filter's cutoff, or read it without a filter",
+            report.file,
+            figure_of(3, report.longest),
+            figure_of(3, report.settling)
+        )
+    })
 }
 
 /// Prints which rows of the logs were left out, or used although they are doubtful.

@@ -24,9 +24,9 @@ const MIN_CHANGE_NOISE: f64 = 6.0;
 const MIN_CHANGE_STEPS: f64 = 4.0;
 /// The least predicted change, in changes from row to row.
 const MIN_CHANGE_ROWS: f64 = 2.0;
-/// Changes of sign among the changes before and after that show noise; a smooth signal has one at a
-/// turning point.
-const MIN_TURNS: usize = 3;
+/// Changes of sign among the changes before and after that show noise, with one on either side at least;
+/// a smooth signal has one at a turning point.
+const MIN_TURNS: usize = 2;
 /// Signals with noise repeat by chance where they are rounded; a stretch is a dropout if fewer than this
 /// number of so many repetitions are to be expected in the whole log.
 const MAX_EXPECTED: f64 = 1e-2;
@@ -34,8 +34,9 @@ const MAX_EXPECTED: f64 = 1e-2;
 const MIN_REPEATS_AT_END: usize = 8;
 /// A signal that came to rest had a last change below this part of the mean of those before.
 const MIN_UNBRAKED_PART: f64 = 0.7;
-/// The same where several signals repeat together, of the first change after the stretch too.
-const MIN_SHARP_PART: f64 = 0.5;
+/// The same of signals that change in every row, of the larger one of the last two changes before, and
+/// of the first two after; 0.57 is that of a constant deceleration.
+const MIN_SHARP_PART: f64 = 0.7;
 /// The least change over a stretch of one of these signals, in its next change.
 const MIN_JUMP_RATIO: f64 = 2.0;
 /// The number of dropouts of the same signals by which an effort that repeats its largest value is known
@@ -155,8 +156,8 @@ struct Judged {
     moved_steps: Vec<usize>,
     /// The entries with noise on both sides, and their values.
     noisy: Vec<(usize, f64)>,
-    /// The entries that changed in every row on both sides, and did not come to rest.
-    sharp: Vec<usize>,
+    /// The entries that changed in every row on both sides, and did not come to rest; with their values.
+    sharp: Vec<(usize, f64)>,
     /// Whether most of what repeats together did so, as far as a few rows on either side tell.
     alike: bool,
 }
@@ -312,7 +313,7 @@ impl DropoutFinder {
             let sides = [is_sharp(&member.before, true), is_sharp(&after, false)];
             let lengths = [member.before.len(), after.len()];
             if !open.leads && sides == [true; 2] && lengths.iter().all(|n| *n >= MIN_SIDE) {
-                sharp.push(member.entry);
+                sharp.push((member.entry, member.value));
             }
             // a joint that rested has changed by one row's motion
             let next = after.first().or(member.before.last());
@@ -331,16 +332,14 @@ impl DropoutFinder {
             moved_steps,
             noisy,
             sharp: if jumps { sharp } else { Vec::new() },
-            alike: jumps && !open.leads && alike > 0 && 2 * alike >= open.members.len(),
+            alike: !open.leads && alike > 0 && 2 * alike >= open.members.len(),
         });
     }
 
     fn keep(&mut self, judged: Judged) {
-        let [moved, steps, sharp] = [&judged.moved, &judged.moved_steps, &judged.sharp];
-        let is_evident = [moved, steps].iter().any(|own| !own.is_empty())
-            || !judged.noisy.is_empty()
-            || sharp.len() > 1
-            || judged.alike;
+        let unmoved = judged.moved.is_empty() && judged.moved_steps.is_empty();
+        let is_smooth = judged.noisy.is_empty() && judged.sharp.is_empty();
+        let is_evident = judged.alike || !(unmoved && is_smooth);
         if is_evident && self.judged.len() < MAX_STRETCHES {
             self.judged.push(judged);
         }
@@ -455,7 +454,7 @@ impl DropoutFinder {
             let expected = self.rows as f64 * (exponent * judged.rows as f64).exp();
             !entries.is_empty() && expected < MAX_EXPECTED
         };
-        if is_rare(&judged.moved_steps) || judged.sharp.len() > 1 && is_rare(&judged.sharp) {
+        if is_rare(&judged.moved_steps) {
             return Evidence::Enough;
         }
         let is_limited = |(entry, value): &(usize, f64)| {
@@ -463,14 +462,17 @@ impl DropoutFinder {
             let is_limit = range.is_some_and(|(low, high)| *value <= low || *value >= high);
             efforts.contains(entry) && (is_limit || *value == 0.0)
         };
-        let entries = |limited: bool| {
-            let own = judged.noisy.iter();
-            let own = own.filter(|noisy| limited || !is_limited(noisy));
+        let entries = |all: &[(usize, f64)], limited: bool| {
+            let own = all.iter().filter(|own| limited || !is_limited(own));
             own.map(|(entry, _)| *entry).collect::<Vec<usize>>()
         };
-        if is_rare(&entries(false)) {
+        let are_rare = |limited: bool| {
+            let both = [&judged.noisy, &judged.sharp];
+            both.into_iter().any(|all| is_rare(&entries(all, limited)))
+        };
+        if are_rare(false) {
             Evidence::Enough
-        } else if judged.alike || is_rare(&entries(true)) {
+        } else if judged.alike || are_rare(true) {
             Evidence::IfAlike
         } else {
             Evidence::None
@@ -545,12 +547,13 @@ fn has_moved(rows: usize, member: &Member, after: &[f64], leads: bool) -> Option
 /// from rest behind it.
 fn is_sharp(changes: &[f64], is_before: bool) -> bool {
     let mean = changes.iter().map(|c| c.abs()).sum::<f64>() / changes.len().max(1) as f64;
-    let next = if is_before {
-        changes.last()
+    let near: Vec<f64> = if is_before {
+        changes.iter().rev().take(2).copied().collect()
     } else {
-        changes.first()
+        changes.iter().take(2).copied().collect()
     };
-    next.is_some_and(|next| next.abs() >= MIN_SHARP_PART * mean) && !changes.contains(&0.0)
+    let next = near.into_iter().fold(0.0, |m: f64, c| m.max(c.abs()));
+    !changes.is_empty() && next >= MIN_SHARP_PART * mean && !changes.contains(&0.0)
 }
 
 /// Whether a signal has noise that changes it in every row, on both sides of a stretch.

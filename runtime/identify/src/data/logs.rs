@@ -16,7 +16,7 @@ use super::unmeasured::Unmeasured;
 use super::window::Window;
 use crate::estimate::EstimateError;
 use crate::identify::{ChangedEfforts, Completion, Filtering, MotionSeries, Source, StateSample};
-use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError};
+use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError, Smoothing};
 use regen_runtime::{BaseModel, Info, Model};
 
 /// Summary of reading one run.
@@ -45,6 +45,11 @@ pub struct FileReport {
     pub uncut: Option<(f64, f64)>,
     /// The gaps and dropouts that were bridged.
     pub bridged: Bridged,
+    /// The longest time without a gap or a row that is left out, s.
+    pub longest: f64,
+    /// The time without these at both of whose ends the filters settle, s: a shorter one gives no
+    /// equation.
+    pub settling: f64,
     /// The faulty rows.
     pub problems: Problems,
     /// What was done with the faulty rows.
@@ -61,6 +66,8 @@ pub(super) struct Log {
     pub(super) encoders: Vec<Encoder>,
     /// The same of each measured velocity; nothing where it is not measured or not used alone.
     pub(super) velocity_noise: Vec<Encoder>,
+    /// Whether gaps or rows that are left out divide it.
+    pub(super) divided: bool,
 }
 
 /// The largest number of rows on either side that a filter may need, as a window with them is held
@@ -159,12 +166,19 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 both.map(|(v, a)| v.filter(|_| a.is_none())).collect();
             let mut of_velocities = differences.clone();
             let mut was_bridged = false;
+            let (mut start, mut longest, mut segments) = (0.0, 0.0_f64, 0_usize);
             let bridged = file.rows(
                 &survey,
                 &mut |problem| problems.add(problem),
                 &mut |row, follows| {
+                    let time = row.values.first().copied().unwrap_or(0.0);
+                    if !follows {
+                        start = time;
+                        segments += 1;
+                    }
+                    longest = longest.max(time - start);
                     // what is interpolated tells nothing of an encoder
-                    let follows = follows && !core::mem::replace(&mut was_bridged, row.bridged);
+                    let follows = !core::mem::replace(&mut was_bridged, row.bridged) && follows;
                     if row.bridged {
                         return Ok(());
                     }
@@ -224,6 +238,8 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 derivatives: file.layout.derivatives,
                 velocities: velocities.iter().all(Option::is_some) && series.is_none(),
                 bridged,
+                longest,
+                settling: settling(&file, &survey, settings),
                 problems,
                 policies,
             });
@@ -233,6 +249,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 series,
                 encoders,
                 velocity_noise,
+                divided: segments > 1,
             });
         }
         Ok(Self {
@@ -450,6 +467,19 @@ fn noisy(
     let found = layout.measured.iter().zip(encoders);
     let found = found.filter(|(_, ((encoder, own), square))| *own && is_noisy((encoder, square)));
     Ok(found.map(|(c, _)| *c).collect())
+}
+
+/// The time that the filters of states and equations need to settle at both ends of a segment, s.
+fn settling(file: &LogFile, survey: &Survey, settings: &Settings) -> f64 {
+    let step = survey.time_step();
+    let settles = |smoothing: Smoothing| smoothing.settling(step).map_or(0, |rows| rows);
+    let of_states = if file.layout.derivatives {
+        Smoothing::None
+    } else {
+        settings.method.of_states(step).smoothing()
+    };
+    let rows = settles(of_states) + settles(settings.method.smoothing());
+    2.0 * step * rows as f64
 }
 
 /// The number of rows on either side that a state depends on.

@@ -203,7 +203,6 @@ impl LogFile {
         let positions = self.layout.positions();
         let mut histories = vec![PositionHistory::default(); positions.len()];
         let mut finder = DropoutFinder::default();
-        let finds = self.used_faults.gaps != Gaps::Keep;
         let mut rates = Rates::default();
         let velocities = positions.clone().zip(&self.layout.velocities);
         let with_rates: Vec<(usize, usize)> = velocities
@@ -233,9 +232,7 @@ impl LogFile {
                     finder.pause();
                     rates.pause();
                 }
-                if finds {
-                    finder.push(row.line, &row.values);
-                }
+                finder.push(row.line, &row.values);
                 last_time = Some(time);
                 let row_positions = &row.values[positions.clone()];
                 for (history, value) in histories.iter_mut().zip(row_positions) {
@@ -315,7 +312,7 @@ impl LogFile {
         })
     }
 
-    /// The dropouts by the lines of their first rows, without a single encoder that is stuck for longer
+    /// The dropouts that are not used like any rows, by the lines of their first rows, without a single encoder that is stuck for longer
     /// than a gap that is bridged; of stuck encoders those remain that are no dropout.
     fn dropouts(
         &self,
@@ -336,7 +333,9 @@ impl LogFile {
             for (_, stretches) in stuck.range_mut(dropout.first..=dropout.last) {
                 stretches.retain(|own| own.last > dropout.last);
             }
-            out.entry(dropout.first).or_default().push(dropout);
+            if self.used_faults.gaps != Gaps::Keep {
+                out.entry(dropout.first).or_default().push(dropout);
+            }
         }
         out
     }

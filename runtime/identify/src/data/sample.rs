@@ -54,10 +54,14 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let mut was_bridged = false;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
-                let follows_known = follows && !core::mem::replace(&mut was_bridged, row.bridged);
+                let was_bridged = core::mem::replace(&mut was_bridged, row.bridged);
                 if !row.bridged {
                     spread.push(log, row);
-                    spikes.push(row, &row.values[log.file.layout.efforts()], follows_known);
+                    spikes.push(
+                        row,
+                        &row.values[log.file.layout.efforts()],
+                        follows && !was_bridged,
+                    );
                 }
                 let block = place * count / rows.max(1);
                 let within = place < block * rows / count.max(1) + length;

@@ -157,7 +157,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                     }
                 }
                 // a segment between two faults may be too short, a whole log may not
-                Err(SignalError::TooFew { .. }) if self.settings.policy != Policy::Fail => {
+                Err(SignalError::TooFew { .. })
+                    if self.log.divided || self.settings.policy != Policy::Fail =>
+                {
                     valid = 0..0;
                 }
                 Err(why) => return Err(signal(file, why)),
