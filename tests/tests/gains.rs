@@ -193,6 +193,7 @@ impl<'m> Twin<'m> {
                 at_standstill: &vec![false; n],
                 weights: &vec![1.0; dof],
                 follows: k > 0,
+                bridged: false,
             });
         }
         log

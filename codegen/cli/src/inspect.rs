@@ -313,6 +313,7 @@ fn predicted(
             outliers: Some(Policy::Keep),
             saturated: Some(Policy::Keep),
             stuck: Some(Policy::Keep),
+            gaps: session.reading.checks.gaps,
         };
     }
     if choice::is_open(&args.reading) {

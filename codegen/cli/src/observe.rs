@@ -1,12 +1,14 @@
 //! `regen observe`: reduces logs to a factor file; also how all commands read logs.
 
 use regen_identify::data::{
-    Checks, DataError, Fault, FileReport, Policies, Policy, Problems, Quantity, Run, Settings,
+    Bridged, Checks, DataError, Fault, FileReport, Gaps, Policies, Policy, Problems, Quantity, Run,
+    Settings,
 };
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
 use regen_identify::session::{MonitoredLogs, Session, SessionError};
 use regen_identify::signals::{Method, SignalError};
+use regen_identify::text::figure_of;
 use regen_report::results::{LogFile, Observed, observed_text};
 
 use crate::args::{
@@ -142,6 +144,9 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     }
     if let Some(problems) = reading.problems {
         settings.checks = Checks::default();
+        if problems == ProblemsArg::Fail {
+            settings.checks.gaps = Gaps::Fail;
+        }
         settings.policy = match problems {
             ProblemsArg::Fail => Policy::Fail,
             ProblemsArg::Drop => Policy::Drop,
@@ -196,12 +201,35 @@ pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {
         .map(String::as_str)
         .collect();
     match failure {
-        Failure::Numeric(text) if !still.is_empty() => Failure::Numeric(format!(
-            "{text}\n  no log has motion of {} beyond its noise: {LOCK}",
-            still.join(", ")
-        )),
+        Failure::Numeric(mut text) => {
+            if !still.is_empty() {
+                text += &format!(
+                    "\n  no log has motion of {} beyond its noise: {LOCK}",
+                    still.join(", ")
+                );
+            }
+            for report in reports {
+                text += &said_of_stretches(report).unwrap_or_default();
+            }
+            Failure::Numeric(text)
+        }
         other => other,
     }
+}
+
+/// Why a log gives no equation, if all its stretches are too short for the filter.
+fn said_of_stretches(report: &FileReport) -> Option<String> {
+    let bridged = report.bridged.count + report.bridged.cuts;
+    (report.settling > report.longest && bridged + report.problems.total() > 0).then(|| {
+        format!(
+            "\n  {}: gaps, dropouts or rows that are left out divide it into stretches of at most \
+             {} s, and the filter needs {} s to settle at both ends of one: bridge gaps \
+             (`gaps: bridge`), raise the filter's cutoff, or read it without a filter",
+            report.file,
+            figure_of(3, report.longest),
+            figure_of(3, report.settling)
+        )
+    })
 }
 
 /// Prints which rows of the logs were left out, or used although they are doubtful.
@@ -222,6 +250,9 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
                 report.file,
             ));
         }
+        if let Some(text) = said_of_gaps(report) {
+            terminal::note(&text);
+        }
         for policy in [Policy::Fail, Policy::Drop, Policy::Tell, Policy::Keep] {
             note_treated(
                 &report.file,
@@ -230,6 +261,53 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
             );
         }
     }
+}
+
+/// What was done with the gaps and dropouts of a log, in one line.
+fn said_of_gaps(report: &FileReport) -> Option<String> {
+    let Bridged {
+        count,
+        rows,
+        largest,
+        cuts,
+        longest,
+    } = report.bridged;
+    let parts = |count: usize, s: &str| format!("{count} gap{s} or dropout{s}");
+    let s = |count: usize| if count == 1 { "" } else { "s" };
+    let mut text = format!("warning: {}: ", report.file);
+    if count > 0 {
+        let part = 100.0 * rows as f64 / (report.rows + rows) as f64;
+        text += &format!(
+            "{} of up to {largest} row{} {} bridged: {rows} row{} ({} %) are interpolated, and the \
+             equations within left out",
+            parts(count, s(count)),
+            s(largest),
+            if count == 1 { "was" } else { "were" },
+            s(rows),
+            figure_of(2, part),
+        );
+    }
+    match (count, cuts) {
+        (0, 0) => return None,
+        (_, 0) => {}
+        (0, _) if longest <= 0.0 => return None,
+        (0, _) => {
+            text += &format!(
+                "{} divide{} the log, longer than the {} s that the filter bridges",
+                parts(cuts, s(cuts)),
+                if cuts == 1 { "s" } else { "" },
+                figure_of(3, longest)
+            );
+        }
+        _ => {
+            text += &format!(
+                "; {cuts} more, longer than the {} s that the filter bridges, divide{} the log",
+                figure_of(3, longest),
+                if cuts == 1 { "s" } else { "" },
+            );
+        }
+    }
+    Some(text)
 }
 
 /// Prints the rows of a log that were treated in one way.
@@ -270,15 +348,17 @@ impl From<DataError> for Failure {
             DataError::Problems { ref problems, .. } => {
                 // a clock whose stamps come late has short gaps, and the same time twice
                 let is_of_clock = |fault: &Fault| match fault {
-                    Fault::Gap { step, usual } => *step <= SHORT_GAP_STEPS * usual,
+                    Fault::Gap { step, usual } | Fault::Uneven { step, usual } => {
+                        *step <= SHORT_GAP_STEPS * usual
+                    }
                     Fault::Duplicate { .. } => true,
                     _ => false,
                 };
                 let mut gaps = problems.first.iter().rev().filter_map(|p| match p.what {
-                    Fault::Gap { usual, .. } => Some(usual),
+                    Fault::Gap { usual, .. } | Fault::Uneven { usual, .. } => Some(usual),
                     _ => None,
                 });
-                let clock_kinds = ["gap", "duplicate time"];
+                let clock_kinds = ["gap", "uneven step", "duplicate time"];
                 let is_clock = problems.first.iter().all(|p| is_of_clock(&p.what))
                     && (problems.counts.iter())
                         .all(|(kind, _)| clock_kinds.contains(&kind.as_str()));

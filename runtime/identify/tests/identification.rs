@@ -12,6 +12,8 @@ mod digests;
 mod doubts;
 #[path = "identification/energy.rs"]
 mod energy;
+#[path = "identification/gaps.rs"]
+mod gaps;
 #[path = "identification/held.rs"]
 mod held;
 #[path = "identification/instruments.rs"]

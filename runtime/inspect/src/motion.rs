@@ -222,6 +222,7 @@ mod tests {
                 at_standstill: &[],
                 weights: &[],
                 follows: true,
+                bridged: false,
             };
             motions.push(&info, &row);
         }

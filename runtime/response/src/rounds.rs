@@ -144,6 +144,7 @@ where
                     at_standstill: &still,
                     weights: &weights,
                     follows,
+                    bridged: false,
                 });
                 follows = true;
             }

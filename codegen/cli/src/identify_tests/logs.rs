@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs;
 
 use regen_identify::data::{
-    Assignment, DataError, Fault, FileReport, Logs, Policy, Problem, Problems, Settings,
+    Assignment, DataError, Fault, FileReport, Gaps, Logs, Policy, Problem, Problems, Settings,
 };
 use regen_identify::identify::{EquationKind, Identified, Options, identify};
 use regen_identify::signals::Method;
@@ -27,10 +27,11 @@ fn faults_are_told_with_their_rows_or_left_out() {
         lines[500] = parts.join(",");
         lines.drain(600..650);
         let path = scratch("faults.csv", &(lines.join("\n") + "\n"));
-        let settings = with(Method::Fourier {
+        let mut settings = with(Method::Fourier {
             frequency: FREQUENCY,
             harmonics: HARMONICS,
         });
+        settings.checks.gaps = Gaps::Fail;
         let error = Logs::open(model, std::slice::from_ref(&path), &settings)
             .err()
             .unwrap();
@@ -57,6 +58,7 @@ fn faults_are_told_with_their_rows_or_left_out() {
         let failure = crate::exit::Failure::from(error);
         assert!(failure.to_string().contains("--problems drop"), "{failure}");
 
+        settings.checks.gaps = Gaps::Bridge;
         let settings = Settings {
             policy: Policy::Drop,
             ..settings
@@ -122,6 +124,33 @@ fn joints_that_stand_still_in_all_logs_are_named_with_the_remedy() {
     let moved = [report(&["q2"]), report(&[])];
     let text = crate::observe::with_still(error(), &moved).to_string();
     assert!(!text.contains("--lock"), "{text}");
+}
+
+#[test]
+fn a_log_of_stretches_that_are_shorter_than_the_filter_is_named_as_the_cause() {
+    let report = |longest: f64, cuts: usize| {
+        let mut report = FileReport {
+            file: "a.csv".to_owned(),
+            longest,
+            settling: 1.8,
+            ..FileReport::default()
+        };
+        report.bridged.cuts = cuts;
+        report
+    };
+    let said = |report: FileReport| {
+        let error = crate::exit::Failure::Numeric("0 equations".to_owned());
+        crate::observe::with_still(error, &[report]).to_string()
+    };
+    let text = said(report(0.65, 30));
+    assert!(
+        text.contains("a.csv: gaps, dropouts or rows that are left out divide it into stretches")
+            && text.contains("at most 0.65 s, and the filter needs 1.80 s"),
+        "{text}"
+    );
+    // a short log, and one that is only divided, have another cause
+    assert_eq!(said(report(0.65, 0)), "0 equations");
+    assert_eq!(said(report(2.0, 3)), "0 equations");
 }
 
 #[test]

@@ -282,6 +282,7 @@ fn no_equation_that_is_used_has_a_thirtieth_of_a_static_friction_in_it() {
                 at_standstill: &[rests],
                 weights: &[1.0],
                 follows: k > 0,
+                bridged: false,
             });
         }
         let (mut used, mut largest) = (0, 0.0_f64);

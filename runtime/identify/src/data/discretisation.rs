@@ -179,7 +179,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             let same_sign = |(a, b): (&Derivatives, &Derivatives)| a.rate[k] * b.rate[k] >= 0.0;
             // where a velocity's sign depends on the method, friction would change more than the
             // derivatives do
-            if !usual.iter().zip(&other).all(same_sign) {
+            if !usual.iter().zip(&other).all(same_sign) || rows.bridged().get(k) == Some(&true) {
                 continue;
             }
             let at = |all: &[Derivatives]| {

@@ -132,6 +132,7 @@ impl<'a> JoinedRows<'a> {
             row: LogRow {
                 line: 0,
                 values: vec![0.0; file.layout.channels.len()],
+                bridged: false,
             },
         })
     }
@@ -192,7 +193,7 @@ impl<'a> JoinedRows<'a> {
     /// Reads the next row of all files; `None` behind the last one.
     fn read(&mut self) -> Result<Option<Found>, DataError> {
         let channels = &self.file.layout.channels;
-        let LogRow { line, values } = &mut self.row;
+        let LogRow { line, values, .. } = &mut self.row;
         values.fill(0.0);
         *line = 0;
         let mut fault = None;

@@ -2,6 +2,7 @@
 //! [`Source`] of states.
 
 use super::average::Average;
+use super::bridge::Bridged;
 use super::policy::{Policies, Policy};
 use super::problem::{DataError, Problem, Problems};
 use super::reader::{LogFile, LogRow, RowSink, Survey};
@@ -15,7 +16,7 @@ use super::unmeasured::Unmeasured;
 use super::window::Window;
 use crate::estimate::EstimateError;
 use crate::identify::{ChangedEfforts, Completion, Filtering, MotionSeries, Source, StateSample};
-use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError};
+use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError, Smoothing};
 use regen_runtime::{BaseModel, Info, Model};
 
 /// Summary of reading one run.
@@ -42,6 +43,13 @@ pub struct FileReport {
     /// The first and the last time of the log, s, where the times that are asked for leave out none
     /// of its rows.
     pub uncut: Option<(f64, f64)>,
+    /// The gaps and dropouts that were bridged.
+    pub bridged: Bridged,
+    /// The longest time without a gap or a row that is left out, s.
+    pub longest: f64,
+    /// The time without these at both of whose ends the filters settle, s: a shorter one gives no
+    /// equation.
+    pub settling: f64,
     /// The faulty rows.
     pub problems: Problems,
     /// What was done with the faulty rows.
@@ -59,6 +67,8 @@ pub(super) struct Log {
     pub(super) encoders: Vec<Encoder>,
     /// The same of each measured velocity; nothing where it is not measured or not used alone.
     pub(super) velocity_noise: Vec<Encoder>,
+    /// Whether gaps or rows that are left out divide it.
+    pub(super) divided: bool,
     /// Rows in memory that take the place of those of the file, one list for each stretch without a
     /// gap.
     pub(super) kept: Option<Vec<Vec<LogRow>>>,
@@ -178,10 +188,23 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let velocities: Vec<Option<usize>> =
                 both.map(|(v, a)| v.filter(|_| a.is_none())).collect();
             let mut of_velocities = differences.clone();
-            file.rows(
+            let mut was_bridged = false;
+            let (mut start, mut longest, mut segments) = (0.0, 0.0_f64, 0_usize);
+            let bridged = file.rows(
                 &survey,
                 &mut |problem| problems.add(problem),
                 &mut |row, follows| {
+                    let time = row.values.first().copied().unwrap_or(0.0);
+                    if !follows {
+                        start = time;
+                        segments += 1;
+                    }
+                    longest = longest.max(time - start);
+                    // what is interpolated tells nothing of an encoder
+                    let follows = !core::mem::replace(&mut was_bridged, row.bridged) && follows;
+                    if row.bridged {
+                        return Ok(());
+                    }
                     rows += 1;
                     let positions = &row.values[file.layout.positions()];
                     for (all, value) in differences.iter_mut().zip(positions) {
@@ -237,6 +260,9 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 states: 0,
                 derivatives: file.layout.derivatives,
                 velocities: velocities.iter().all(Option::is_some) && series.is_none(),
+                bridged,
+                longest,
+                settling: settling(&file, &survey, settings),
                 problems,
                 policies,
             });
@@ -247,6 +273,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 encoders,
                 velocity_noise,
                 kept: None,
+                divided: segments > 1,
             });
         }
         Ok(Self {
@@ -348,7 +375,11 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                     why,
                 })?;
                 for (k, (values, weights)) in means.into_iter().enumerate() {
-                    let row = LogRow { line: 0, values };
+                    let row = LogRow {
+                        line: 0,
+                        values,
+                        bridged: false,
+                    };
                     window.take(&row, Some(weights), k > 0)?;
                 }
             }
@@ -464,6 +495,19 @@ fn noisy(
     let found = layout.measured.iter().zip(encoders);
     let found = found.filter(|(_, ((encoder, own), square))| *own && is_noisy((encoder, square)));
     Ok(found.map(|(c, _)| *c).collect())
+}
+
+/// The time that the filters of states and equations need to settle at both ends of a segment, s.
+fn settling(file: &LogFile, survey: &Survey, settings: &Settings) -> f64 {
+    let step = survey.time_step();
+    let settles = |smoothing: Smoothing| smoothing.settling(step).map_or(0, |rows| rows);
+    let of_states = if file.layout.derivatives {
+        Smoothing::None
+    } else {
+        settings.method.of_states(step).smoothing()
+    };
+    let rows = settles(of_states) + settles(settings.method.smoothing());
+    2.0 * step * rows as f64
 }
 
 /// The number of rows on either side that a state depends on.

@@ -4,9 +4,11 @@
 mod average;
 #[cfg(feature = "bags")]
 mod bags;
+mod bridge;
 mod columns;
 mod csv_rows;
 mod discretisation;
+mod dropouts;
 pub(crate) mod expression;
 mod file_rows;
 mod held;
@@ -43,11 +45,12 @@ mod tracks;
 mod unmeasured;
 mod window;
 
+pub use bridge::Bridged;
 pub(crate) use columns::UNITS;
 pub use columns::{Assignment, AssignmentError, Quantity};
 pub use logs::{FileReport, Logs};
 pub(crate) use noise_levels::NoiseLevels;
-pub use policy::{Checks, Policies, Policy};
+pub use policy::{Checks, Gaps, Policies, Policy};
 pub use problem::{DataError, Fault, Problem, Problems};
 pub use raw::{RawLog, RawRow};
 pub use run::{Join, Run};

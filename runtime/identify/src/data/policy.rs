@@ -6,6 +6,9 @@ use super::problem::Fault;
 /// are in order of time.
 pub(super) const USABLE_KINDS: [&str; 3] = ["outlier", "saturation", "stuck encoder"];
 
+/// The kinds of faults that are treated as [`Gaps`] say.
+pub(super) const GAP_KINDS: [&str; 2] = ["gap", "dropout"];
+
 /// What to do with faulty rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Policy {
@@ -35,6 +38,22 @@ impl Policy {
     }
 }
 
+/// What to do with gaps and dropouts: places where rows are missing, and rows that repeat the one
+/// before, as those of a late topic do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Gaps {
+    /// Where they are shorter than the memory of the filter, interpolate the motion across them and
+    /// leave the equations within out; divide the log into segments at longer ones.
+    #[default]
+    Bridge,
+    /// Divide the log into segments at all of them.
+    Drop,
+    /// Report them as an error, and compute nothing.
+    Fail,
+    /// Use repeated rows like any row, and divide the log into segments where rows are missing.
+    Keep,
+}
+
 /// What is done with doubtful rows; `None` where it is the same as with all other faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Checks {
@@ -44,6 +63,8 @@ pub struct Checks {
     pub saturated: Option<Policy>,
     /// Rows in which an encoder looks stuck.
     pub stuck: Option<Policy>,
+    /// Gaps and dropouts, which no other policy treats.
+    pub gaps: Gaps,
 }
 
 /// What is done with each kind of fault.
@@ -73,11 +94,19 @@ impl Policies {
     /// let checks = Checks { outliers: Some(Policy::Tell), ..Checks::default() };
     /// let policies = Policies { all: Policy::Drop, checks };
     /// assert_eq!(policies.of("outlier"), Policy::Tell);
-    /// assert_eq!(policies.of("gap"), Policy::Drop);
+    /// assert_eq!(policies.of("duplicate time"), Policy::Drop);
+    /// // the log is divided at a gap that is too long to be bridged
+    /// assert_eq!(Policies::default().of("gap"), Policy::Drop);
     /// ```
     pub fn of(&self, kind: &str) -> Policy {
         let [outlier, saturation, stuck] = USABLE_KINDS;
+        let gaps = match self.checks.gaps {
+            Gaps::Bridge | Gaps::Drop => Policy::Drop,
+            Gaps::Fail => Policy::Fail,
+            Gaps::Keep => Policy::Keep,
+        };
         let own = match kind {
+            _ if GAP_KINDS.contains(&kind) => Some(gaps),
             _ if kind == outlier => self.checks.outliers,
             _ if kind == saturation => self.checks.saturated,
             _ if kind == stuck => self.checks.stuck,
@@ -93,6 +122,7 @@ impl Policies {
             outliers,
             saturated,
             stuck,
+            gaps: self.checks.gaps,
         }
     }
 }
@@ -103,6 +133,8 @@ pub(super) struct UsedFaults {
     pub(super) outliers: bool,
     pub(super) saturated: bool,
     pub(super) stuck: bool,
+    /// What is done with gaps and dropouts.
+    pub(super) gaps: Gaps,
 }
 
 impl UsedFaults {

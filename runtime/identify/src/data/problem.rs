@@ -4,7 +4,7 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::policy::{Policies, Policy, USABLE_KINDS};
+use super::policy::{GAP_KINDS, Policies, Policy, USABLE_KINDS};
 use crate::estimate::EstimateError;
 use crate::signals::SignalError;
 use regen_runtime::{ClosureError, SizeError};
@@ -61,6 +61,19 @@ pub enum Fault {
         step: f64,
         /// The median step of the log, s.
         usual: f64,
+    },
+    /// The time step before this row is longer than usual, and no multiple of the usual one.
+    Uneven {
+        /// The step before this row, s.
+        step: f64,
+        /// The median step of the log, s.
+        usual: f64,
+    },
+    /// The row repeats the one before in these columns, although what they measure went on, and with
+    /// it the following rows.
+    Dropout {
+        /// The headers of the columns.
+        columns: Vec<String>,
     },
     /// A position is far from those in the rows around it.
     Outlier {
@@ -129,6 +142,22 @@ impl fmt::Display for Problem {
                     f,
                     "a gap of {step:.6} s before it, the usual step is {usual:.6} s"
                 )
+            }
+            Fault::Uneven { step, usual } => write!(
+                f,
+                "an uneven step of {step:.6} s before it, the usual step is {usual:.6} s"
+            ),
+            Fault::Dropout { columns } => {
+                let named = columns.iter().take(MAX_NAMED_COLUMNS);
+                let mut all = named
+                    .map(|c| format!("`{c}`"))
+                    .collect::<Vec<_>>()
+                    .join(", ");
+                if let Some(more @ 1..) = columns.len().checked_sub(MAX_NAMED_COLUMNS) {
+                    all += &format!(" and {more} more");
+                }
+                let s = if columns.len() == 1 { "" } else { "s" };
+                write!(f, "column{s} {all} as in the row before: a dropout")
             }
             Fault::Outlier {
                 column,
@@ -203,6 +232,8 @@ impl Fault {
             Self::Unsorted { .. } => "unsorted time",
             Self::ClockBack { .. } => "clock set back",
             Self::Gap { .. } => "gap",
+            Self::Uneven { .. } => "uneven step",
+            Self::Dropout { .. } => "dropout",
             Self::Outlier { .. } => "outlier",
             Self::Saturated { .. } => "saturation",
             Self::Stuck { .. } => "stuck encoder",
@@ -222,6 +253,8 @@ pub struct Problems {
     pub counts: Vec<(String, usize)>,
 }
 
+/// The largest number of columns of a dropout that are named.
+const MAX_NAMED_COLUMNS: usize = 4;
 /// The largest number of problems that are listed one by one.
 const MAX_LISTED_PROBLEMS: usize = 20;
 
@@ -283,8 +316,9 @@ impl Problems {
         counts
             // a gap leaves out no row
             .filter(|(kind, _)| {
-                let used = policies.of(kind).uses_doubtful_rows() && USABLE_KINDS.contains(kind);
-                *kind != "gap" && !used
+                let usable = USABLE_KINDS.contains(kind) || GAP_KINDS.contains(kind);
+                let used = policies.of(kind).uses_doubtful_rows() && usable;
+                *kind != "gap" && *kind != "uneven step" && !used
             })
             .collect()
     }

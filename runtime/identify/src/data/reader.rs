@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use super::bridge::{Bridge, Bridged, Bridging};
 use super::columns::Assignment;
+use super::dropouts::{Dropout, DropoutFinder};
 use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
 use super::layout::{ColumnLayout, Search, Unfit};
-use super::policy::UsedFaults;
+use super::policy::{Gaps, Policy, UsedFaults};
 use super::problem::{DataError, Problem, median};
 use super::rates::Rates;
 use super::resample::Resampler;
@@ -25,6 +27,8 @@ pub(super) struct LogRow {
     pub(super) line: u64,
     /// The time, s, then the other channels.
     pub(super) values: Vec<f64>,
+    /// Whether some of them are interpolated across a gap or a dropout.
+    pub(super) bridged: bool,
 }
 
 /// Statistics of a whole log file, gathered in a first pass before its rows are used.
@@ -38,6 +42,8 @@ pub(super) struct Survey {
     pub(super) extremes: Vec<(f64, f64)>,
     /// The stretches of rows in which an encoder was stuck, by the line of their first row.
     pub(super) stuck: BTreeMap<u64, Vec<Stuck>>,
+    /// The dropouts, by the line of their first row.
+    pub(super) dropouts: BTreeMap<u64, Vec<Dropout>>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
     /// The first and the last time of the log, s, where all its rows are within the times that are
@@ -109,6 +115,10 @@ pub(super) struct LogFile {
     resample: Option<f64>,
     /// Which doubtful rows are used.
     used_faults: UsedFaults,
+    /// How gaps and dropouts are bridged; `None` if the log is divided at all of them.
+    pub(super) bridging: Option<Bridging>,
+    /// Whether a position that repeats alone may be bridged.
+    bridges_stuck: bool,
     /// The rows, after the first pass, if they fit.
     pub(super) cache: RowCache,
 }
@@ -177,6 +187,9 @@ impl LogFile {
             rate: settings.rate,
             resample: settings.resample,
             used_faults: settings.used_faults(),
+            bridging: settings.bridging(),
+            bridges_stuck: !settings.checks.stuck.is_some_and(|own| own != Policy::Drop)
+                && !settings.used_faults().stuck,
             cache: RowCache::with_capacity(0),
         })
     }
@@ -189,6 +202,7 @@ impl LogFile {
         let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
         let positions = self.layout.positions();
         let mut histories = vec![PositionHistory::default(); positions.len()];
+        let mut finder = DropoutFinder::default();
         let mut rates = Rates::default();
         let velocities = positions.clone().zip(&self.layout.velocities);
         let with_rates: Vec<(usize, usize)> = velocities
@@ -215,8 +229,10 @@ impl LogFile {
                 range = Some((first.min(time), last.max(time)));
                 if last_time.is_none_or(|last| time <= last) {
                     histories.iter_mut().for_each(PositionHistory::pause);
+                    finder.pause();
                     rates.pause();
                 }
+                finder.push(row.line, &row.values);
                 last_time = Some(time);
                 let row_positions = &row.values[positions.clone()];
                 for (history, value) in histories.iter_mut().zip(row_positions) {
@@ -262,6 +278,7 @@ impl LogFile {
                 stuck.entry(stretch.first).or_default().push(stretch);
             }
         }
+        let dropouts = self.dropouts(finder.finish(self.layout.efforts()), &mut stuck);
         let time_steps = times.windows(2).map(|pair| pair[1] - pair[0]);
         let time_steps: Vec<f64> = time_steps.filter(|step| *step > 0.0).collect();
         let raw_step = median(&time_steps);
@@ -289,9 +306,38 @@ impl LogFile {
             time_step: self.resample.map_or(raw_step, |rate| 1.0 / rate),
             extremes,
             stuck,
+            dropouts,
             position_changes,
             uncut,
         })
+    }
+
+    /// The dropouts that are not used like any rows, by the lines of their first rows, without a single encoder that is stuck for longer
+    /// than a gap that is bridged; of stuck encoders those remain that are no dropout.
+    fn dropouts(
+        &self,
+        found: Vec<Dropout>,
+        stuck: &mut BTreeMap<u64, Vec<Stuck>>,
+    ) -> BTreeMap<u64, Vec<Dropout>> {
+        let positions = self.layout.positions();
+        let mut out = BTreeMap::<u64, Vec<Dropout>>::new();
+        for dropout in found {
+            let is_position = dropout
+                .entries
+                .iter()
+                .any(|entry| positions.contains(entry));
+            let is_bridged = self.bridging.is_some_and(|own| own.spans(dropout.seconds));
+            if dropout.alone && is_position && !(is_bridged && self.bridges_stuck) {
+                continue;
+            }
+            for (_, stretches) in stuck.range_mut(dropout.first..=dropout.last) {
+                stretches.retain(|own| own.last > dropout.last);
+            }
+            if self.used_faults.gaps != Gaps::Keep {
+                out.entry(dropout.first).or_default().push(dropout);
+            }
+        }
+        out
     }
 
     fn unfit(&self, why: String) -> DataError {
@@ -325,15 +371,54 @@ impl LogFile {
         survey: &Survey,
         problem: &mut dyn FnMut(Problem),
         each: &mut RowSink<'_>,
-    ) -> Result<(), DataError> {
+    ) -> Result<Bridged, DataError> {
         let Some(rate) = self.resample else {
-            return self.checked_rows(survey, problem, each);
+            return self.bridged_rows(survey, problem, each);
         };
         let mut resampler = Resampler::new(rate);
-        self.checked_rows(survey, problem, &mut |row, follows| {
+        let bridged = self.bridged_rows(survey, problem, &mut |row, follows| {
             resampler.push(row, follows, each)
         })?;
-        resampler.finish(each)
+        resampler.finish(each)?;
+        Ok(bridged)
+    }
+
+    /// The checked rows, with those that are interpolated across gaps and dropouts.
+    fn bridged_rows(
+        &self,
+        survey: &Survey,
+        problem: &mut dyn FnMut(Problem),
+        each: &mut RowSink<'_>,
+    ) -> Result<Bridged, DataError> {
+        let Some(bridging) = self.bridging else {
+            self.checked_rows(survey, problem, each)?;
+            return Ok(Bridged::default());
+        };
+        if bridging.interpolates {
+            let motion = 1..self.layout.efforts().start;
+            let mut bridge = Bridge::new(bridging, survey.raw_step, motion);
+            self.checked_rows(survey, problem, &mut |row, follows| {
+                bridge.push(row, follows, each)
+            })?;
+            return bridge.finish(each);
+        }
+        let mut found = Bridged {
+            longest: bridging.longest,
+            ..Bridged::default()
+        };
+        let mut last: Option<f64> = None;
+        self.checked_rows(survey, problem, &mut |row, follows| {
+            let time = row.values.first().copied();
+            if let (false, Some((time, last))) = (follows, time.zip(last)) {
+                match bridging.missing_rows(time - last, survey.raw_step) {
+                    Some(missing) => found.add(missing),
+                    None => found.cuts += usize::from(time > last),
+                }
+            }
+            last = time;
+            each(row, follows)
+        })?;
+        Ok(found)
     }
 
     fn checked_rows(
@@ -347,7 +432,13 @@ impl LogFile {
             None => GAP_STEPS,
         };
         let longest_step = gap_steps * survey.raw_step;
-        let mut checker = RowChecker::new(&self.layout, survey, longest_step, self.used_faults);
+        let mut checker = RowChecker::new(
+            &self.layout,
+            survey,
+            longest_step,
+            self.used_faults,
+            self.bridging,
+        );
         self.records(&mut |row| checker.take(row, problem, each))?;
         checker.finish(problem, each)
     }

@@ -64,7 +64,8 @@ pub(super) struct Resampler {
     next: u64,
     /// The last rows of the present segment: time and the other entries.
     recent: VecDeque<(f64, Vec<f64>)>,
-    lines: VecDeque<u64>,
+    /// The lines of these rows, and whether they are interpolated across a gap.
+    lines: VecDeque<(u64, bool)>,
     /// Whether the next row of the grid follows the last one without a gap.
     follows: bool,
 }
@@ -101,7 +102,7 @@ impl Resampler {
             self.lines.pop_front();
         }
         self.recent.push_back((time, values.to_vec()));
-        self.lines.push_back(row.line);
+        self.lines.push_back((row.line, row.bridged));
         // a time is known once there are two rows after it
         match self.recent.len().checked_sub(3) {
             Some(left) => self.emit(left, each),
@@ -147,8 +148,14 @@ impl Resampler {
             self.next += 1;
             let mut values = between(&self.recent, left, time);
             values.insert(0, time);
-            let line = self.lines.get(left).copied().unwrap_or(0);
-            each(&LogRow { line, values }, self.follows)?;
+            let (line, _) = self.lines.get(left).copied().unwrap_or_default();
+            let between = self.lines.iter().skip(left).take(2);
+            let row = LogRow {
+                line,
+                values,
+                bridged: between.fold(false, |any, (_, bridged)| any | bridged),
+            };
+            each(&row, self.follows)?;
             self.follows = true;
         }
     }
@@ -170,6 +177,7 @@ mod tests {
             let row = LogRow {
                 line: k as u64,
                 values: vec![*t, *x],
+                bridged: false,
             };
             let follows = k > 0 && !gaps.contains(&k);
             resampler.push(&row, follows, &mut each).unwrap();

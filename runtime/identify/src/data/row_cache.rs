@@ -145,7 +145,11 @@ mod tests {
                     each(Err(Problem::of(4, Fault::Duplicate { time: 0.0 })))?;
                 }
                 let values = vec![0.1 * line as f64, 1.0];
-                each(Ok(&LogRow { line, values }))?;
+                each(Ok(&LogRow {
+                    line,
+                    values,
+                    bridged: false,
+                }))?;
             }
             Ok(())
         };

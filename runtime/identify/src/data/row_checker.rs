@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
+use super::bridge::{Bridging, is_even};
 use super::layout::ColumnLayout;
-use super::policy::UsedFaults;
+use super::policy::{Gaps, UsedFaults};
 use super::problem::{DataError, Fault, Problem, median};
 use super::reader::{LogRow, RowSink, Survey};
 
@@ -18,6 +19,8 @@ const OUTLIER_ENCODER_STEPS: f64 = 2.0;
 /// Number of consecutive rows at its smallest or largest value from which on an effort counts as
 /// saturated.
 const SATURATED_ROWS: usize = 4;
+/// A step of at most this many usual ones that is no multiple of them shows an uneven clock.
+const UNEVEN_STEPS: f64 = 3.0;
 /// Number of rows that an outlier is searched in: a value and its neighbours.
 const OUTLIER_ROWS: usize = 2 * OUTLIER_NEIGHBOURS + 1;
 
@@ -28,6 +31,8 @@ struct PendingRow {
     follows: bool,
     /// In a box, as nearly no row has one: rows are moved in and out of the buffer.
     fault: Option<Box<Fault>>,
+    /// The rows of a dropout just before it, whose missing entries are NaN.
+    dropout: Vec<(LogRow, bool)>,
 }
 
 /// Checks the rows of a file for faults in a look-ahead buffer.
@@ -64,17 +69,25 @@ pub(super) struct RowChecker<'a> {
     rows_at_extreme: Vec<usize>,
     /// Which doubtful rows are used.
     used_faults: UsedFaults,
+    /// How gaps are bridged.
+    bridging: Option<Bridging>,
+    /// The dropouts that go on: the last line of each, and its entries.
+    missing: Vec<(u64, &'a [usize])>,
+    /// The last rows, if they belong to a dropout that is bridged.
+    dropout: Vec<(LogRow, bool)>,
 }
 
 impl<'a> RowChecker<'a> {
     /// A checker of a file's rows, the first of which follows no other.
     ///
-    /// - `longest_step`: the longest time step that is not a gap, s.
+    /// - `longest_step`: the longest time step that is not a gap, s;
+    /// - `bridging`: how gaps and dropouts are bridged, if they are.
     pub(super) fn new(
         layout: &'a ColumnLayout,
         survey: &'a Survey,
         longest_step: f64,
         used_faults: UsedFaults,
+        bridging: Option<Bridging>,
     ) -> Self {
         Self {
             layout,
@@ -92,6 +105,9 @@ impl<'a> RowChecker<'a> {
             rows_skipped: false,
             rows_at_extreme: vec![0; layout.efforts],
             used_faults,
+            bridging,
+            missing: Vec::new(),
+            dropout: Vec::new(),
         }
     }
 
@@ -161,9 +177,19 @@ impl<'a> RowChecker<'a> {
             }
             if step > longest_step {
                 follows = false;
-                if !self.gap_reported {
-                    let usual = self.survey.raw_step;
-                    report(Fault::Gap { step, usual });
+                let usual = self.survey.raw_step;
+                let is_bridged = self
+                    .bridging
+                    .is_some_and(|own| own.missing_rows(step, usual).is_some());
+                if !self.gap_reported && !is_bridged {
+                    let is_short = self.used_faults.gaps == Gaps::Bridge
+                        && step <= UNEVEN_STEPS * usual
+                        && !is_even(step, usual);
+                    report(if is_short {
+                        Fault::Uneven { step, usual }
+                    } else {
+                        Fault::Gap { step, usual }
+                    });
                 }
             }
         }
@@ -177,6 +203,25 @@ impl<'a> RowChecker<'a> {
                 until: stuck.last,
             });
         }
+        for dropout in self.survey.dropouts.get(&row.line).into_iter().flatten() {
+            let is_bridged = self.bridging.is_some_and(|own| own.spans(dropout.seconds));
+            if !is_bridged {
+                let columns = dropout.entries.iter();
+                problem(Problem {
+                    row: dropout.first,
+                    what: Fault::Dropout {
+                        columns: columns.map(|entry| self.layout.title(*entry)).collect(),
+                    },
+                    last: (dropout.last > dropout.first).then_some(dropout.last),
+                });
+            }
+            if is_bridged && self.bridging.is_some_and(|own| own.interpolates) {
+                self.missing.push((dropout.last, &dropout.entries));
+            } else {
+                self.stuck_until = self.stuck_until.max(dropout.last);
+            }
+        }
+        self.missing.retain(|(last, _)| row.line <= *last);
         if row.line <= self.stuck_until {
             // the gap that these rows leave is not reported, and the next row starts a segment
             self.gap_reported = true;
@@ -190,6 +235,16 @@ impl<'a> RowChecker<'a> {
         self.gap_reported = false;
         self.clock_set_back = false;
         self.last_time = Some(time);
+        if !self.missing.is_empty() {
+            let mut own = row.clone();
+            for entry in self.missing.iter().flat_map(|(_, entries)| entries.iter()) {
+                if let Some(value) = own.values.get_mut(*entry) {
+                    *value = f64::NAN;
+                }
+            }
+            self.dropout.push((own, follows));
+            return;
+        }
         let efforts = self.layout.efforts();
         let saturated = self.saturated_efforts(&row.values[efforts.clone()]);
         let positions = self.layout.positions().map(|entry| row.values[entry]);
@@ -204,6 +259,7 @@ impl<'a> RowChecker<'a> {
             row: own,
             follows,
             fault: None,
+            dropout: core::mem::take(&mut self.dropout),
         });
         for (k, count) in saturated {
             // when the limit is reached, the rows before this one are marked as saturated too
@@ -291,6 +347,10 @@ impl<'a> RowChecker<'a> {
         let Some(pending) = self.queue.pop_front() else {
             return Ok(());
         };
+        for (row, follows) in &pending.dropout {
+            let follows = *follows && !core::mem::take(&mut self.segment_ended);
+            each(row, follows)?;
+        }
         if let Some(what) = pending.fault {
             let keep = self.used_faults.uses(&what);
             problem(Problem::of(pending.row.line, *what));

@@ -51,10 +51,18 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let mut spread = Spread::new(log.file.layout.measured.len());
         let mut spikes = SpikeFinder::new(log.file.layout.efforts().len());
         let mut place = 0;
+        let mut was_bridged = false;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
-                spread.push(log, row);
-                spikes.push(row, &row.values[log.file.layout.efforts()], follows);
+                let was_bridged = core::mem::replace(&mut was_bridged, row.bridged);
+                if !row.bridged {
+                    spread.push(log, row);
+                    spikes.push(
+                        row,
+                        &row.values[log.file.layout.efforts()],
+                        follows && !was_bridged,
+                    );
+                }
                 let block = place * count / rows.max(1);
                 let within = place < block * rows / count.max(1) + length;
                 place += 1;
@@ -103,6 +111,9 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             }
         }
         for k in valid.step_by(every) {
+            if rows.bridged().get(k) == Some(&true) {
+                continue;
+            }
             let pick = |d: usize| motion.iter().map(|m| m[d][k]).collect();
             out.states.push(Measured {
                 time: times[k],

@@ -1,7 +1,8 @@
 //! How logs are read.
 
+use super::bridge::Bridging;
 use super::columns::Assignment;
-use super::policy::{Checks, Policies, Policy, UsedFaults};
+use super::policy::{Checks, Gaps, Policies, Policy, UsedFaults};
 use super::table::Format;
 use crate::identify::{Filtering, Standstill};
 use crate::signals::Method;
@@ -119,6 +120,13 @@ impl Settings {
             decimation: self.decimation,
             standstill: self.standstill,
         }
+    }
+
+    /// How gaps and dropouts are bridged; `None` if the log is divided at all of them. The rows of
+    /// several periods are averaged instead.
+    pub(super) fn bridging(&self) -> Option<Bridging> {
+        let bridges = self.checks.gaps == Gaps::Bridge && self.period.is_none();
+        Bridging::of(self.method, self.resample.is_none()).filter(|_| bridges)
     }
 
     pub(super) fn used_faults(&self) -> UsedFaults {

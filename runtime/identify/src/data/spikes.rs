@@ -157,6 +157,7 @@ mod tests {
             let row = LogRow {
                 line: k as u64 + 2,
                 values: Vec::new(),
+                bridged: false,
             };
             finder.push(&row, &[effort(k)], k > 0 && k != 1000);
         }

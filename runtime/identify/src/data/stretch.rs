@@ -6,6 +6,7 @@ use super::reader::LogRow;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stretch {
     lines: Vec<u64>,
+    bridged: Vec<bool>,
     columns: Vec<Vec<f64>>,
 }
 
@@ -19,6 +20,29 @@ impl Stretch {
             column.push(*value);
         }
         self.lines.push(row.line);
+        self.bridged.push(row.bridged);
+    }
+
+    /// Whether a row has entries that are interpolated across a gap.
+    pub(super) fn bridged(&self) -> &[bool] {
+        &self.bridged
+    }
+
+    /// For each row, whether it is near one that is interpolated across a gap: within a third of the
+    /// gap's rows, and within `most` rows.
+    pub(super) fn near_bridged(&self, most: usize) -> Vec<bool> {
+        let mut out = vec![false; self.len()];
+        let mut start = 0;
+        for gap in self.bridged.chunk_by(|a, b| a == b) {
+            let end = start + gap.len();
+            if gap.first() == Some(&true) {
+                let rows = (gap.len() / 3).min(most);
+                let near = start.saturating_sub(rows)..(end + rows).min(out.len());
+                out.get_mut(near).unwrap_or_default().fill(true);
+            }
+            start = end;
+        }
+        out
     }
 
     /// The number of rows.
@@ -45,6 +69,7 @@ impl Stretch {
     pub(super) fn keep_last(&mut self, rows: usize) {
         let first = self.len().saturating_sub(rows);
         self.lines.drain(..first);
+        self.bridged.drain(..first);
         for column in &mut self.columns {
             column.drain(..first);
         }
@@ -67,15 +92,39 @@ mod tests {
             rows.push(&LogRow {
                 line: u64::from(k) + 2,
                 values: vec![0.1 * f64::from(k), f64::from(k)],
+                bridged: k == 3,
             });
         }
         rows.keep_last(2);
         assert_eq!((rows.len(), rows.line(0), rows.line(1)), (2, 5, 6));
         assert_eq!(rows.times(), [0.1 * 3.0, 0.1 * 4.0]);
         assert_eq!(rows.column(1), [3.0, 4.0]);
+        assert_eq!(rows.bridged(), [true, false]);
+
         rows.keep_last(7);
         assert_eq!(rows.len(), 2);
         rows.clear();
+        assert!(rows.bridged().is_empty());
         assert_eq!((rows.len(), rows.times().len(), rows.line(0)), (0, 0, 0));
+    }
+
+    #[test]
+    fn a_third_of_a_gap_is_left_out_on_either_side_of_it() {
+        let mut rows = Stretch::default();
+        for k in 0..30 {
+            rows.push(&LogRow {
+                line: k,
+                values: vec![0.1 * k as f64],
+                bridged: (4..13).contains(&k) || (20..22).contains(&k),
+            });
+        }
+        let near = |most: usize| {
+            let near = rows.near_bridged(most).into_iter().enumerate();
+            near.filter(|own| own.1)
+                .map(|own| own.0)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(near(10), (1..16).chain(20..22).collect::<Vec<_>>());
+        assert_eq!(near(2), (2..15).chain(20..22).collect::<Vec<_>>());
     }
 }

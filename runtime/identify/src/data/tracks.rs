@@ -62,11 +62,13 @@ pub fn tracks(
     commands: &[Assignment],
 ) -> Result<(Vec<Track>, FileReport), DataError> {
     let mut places = Places::default();
-    let file = LogFile::with(run, settings, |tables, search| {
+    let mut file = LogFile::with(run, settings, |tables, search| {
         let (layout, found) = layout(tables, info, search, commands)?;
         places = found;
         Ok(layout)
     })?;
+    // a track has no filter that would end at a gap
+    file.bridging = None;
     let names: Vec<String> = info
         .coordinates
         .iter()

@@ -25,6 +25,10 @@ const WINDOW_ROWS: usize = 8192;
 const STATES: usize = 512;
 /// Rise time of a low-pass filter after a step, in periods of its cutoff frequency.
 const RISE_TIME_PERIODS: f64 = 0.3;
+/// How far the error of an interpolated gap may matter on either side of it, in times that the
+/// differentiation reaches to one side: two rise times of the filter, behind which the error of the
+/// acceleration has decayed to the noise, also for the longest gaps.
+const BRIDGE_REACHES: f64 = 2.0;
 
 /// The current window of rows of one file, and what is needed to compute states from it.
 pub(super) struct Window<'a, 'm, M: ?Sized> {
@@ -109,6 +113,18 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         }
     }
 
+    /// For each row, whether its state depends on values that are interpolated across a gap.
+    fn near_bridged(&self) -> Vec<bool> {
+        if !self.rows.bridged().contains(&true) {
+            return vec![false; self.rows.len()];
+        }
+        let longest = self.delays.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
+        let reach = BRIDGE_REACHES * self.reach(Encoder::default()) + longest;
+        #[allow(clippy::cast_sign_loss, reason = "neither is negative")]
+        let rows = (reach / self.log.survey.time_step()).ceil() as usize;
+        self.rows.near_bridged(rows.min(self.support))
+    }
+
     /// Computes the states of all rows that have enough neighbours, or, at the `end` of a segment, of
     /// all rows that remain.
     fn process(&mut self, end: bool) -> Result<(), DataError> {
@@ -141,7 +157,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                     }
                 }
                 // a segment between two faults may be too short, a whole log may not
-                Err(SignalError::TooFew { .. }) if self.settings.policy != Policy::Fail => {
+                Err(SignalError::TooFew { .. })
+                    if self.log.divided || self.settings.policy != Policy::Fail =>
+                {
                     valid = 0..0;
                 }
                 Err(why) => return Err(signal(file, why)),
@@ -190,6 +208,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             still.push(rests);
         }
         let held = self.held(&efforts, &still);
+        let bridged = self.near_bridged();
         // if the equations are filtered, they are decimated after the filter instead
         let every = match self.settings.method.smoothing() {
             Smoothing::None => self.settings.decimation.max(1),
@@ -203,7 +222,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             self.count += 1;
         }
         for samples in used.chunks(STATES) {
-            self.emit(samples, &motion, (&efforts, &held), &still)?;
+            self.emit(samples, &motion, (&efforts, &held), (&still, &bridged))?;
         }
         if end {
             self.rows.clear();
@@ -264,7 +283,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         samples: &[usize],
         motion: &[[Vec<f64>; 3]],
         (efforts, held): (&[Vec<f64>], &[Vec<f64>]),
-        still: &[Vec<bool>],
+        (still, bridged): (&[Vec<bool>], &[bool]),
     ) -> Result<(), DataError> {
         let states = self.completion.complete_many(motion, samples)?;
         let reversals: Vec<(usize, f64, f64)> = self
@@ -364,6 +383,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 at_standstill: &rests,
                 weights: &weights,
                 follows: self.follows,
+                bridged: bridged.get(k).copied().unwrap_or(false),
             };
             (self.each)(&row)?;
             self.follows = true;

@@ -324,6 +324,16 @@ const POLICY: Shape = Shape::Words(&[
     ("drop", "leave them out"),
 ]);
 
+const GAPS: Shape = Shape::Words(&[
+    (
+        "bridge",
+        "interpolate the motion across those shorter than the filter's memory, and leave the equations within out; longer ones divide the log",
+    ),
+    ("drop", "divide the log there"),
+    ("keep", "use repeated rows like any row"),
+    ("fail", "list them and stop"),
+]);
+
 static CHECKS: Record = record(
     "checks",
     &[
@@ -343,6 +353,11 @@ static CHECKS: Record = record(
             "Rows in which an effort stays at its smallest or largest value",
         ),
         optional("stuck", POLICY, "Rows in which an encoder looks stuck"),
+        optional(
+            "gaps",
+            GAPS,
+            "Places where rows are missing, or repeat the one before while the robot moves; bridge if missing, and fail where rows is fail",
+        ),
     ],
 );
 

@@ -5,7 +5,7 @@ use regen_runtime::Info;
 use super::Delay;
 use super::shape::{Sink, below, did_you_mean};
 use super::tree::{Node, NodeKind};
-use crate::data::{Checks, Decimal, Format, Header, Policy, Separator, Settings};
+use crate::data::{Checks, Decimal, Format, Gaps, Header, Policy, Separator, Settings};
 use crate::identify::{EquationKind, Standstill};
 use crate::signals::Method;
 
@@ -39,6 +39,13 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Process {
             outliers: policy("outliers"),
             saturated: policy("saturated"),
             stuck: policy("stuck"),
+            gaps: match checks.get("gaps").and_then(Node::text) {
+                Some("drop") => Gaps::Drop,
+                Some("keep") => Gaps::Keep,
+                Some("fail") => Gaps::Fail,
+                None if policy("rows") == Some(Policy::Fail) => Gaps::Fail,
+                _ => Gaps::Bridge,
+            },
         };
     }
     if let Some(standstill) = of("standstill") {

@@ -6,7 +6,7 @@ use super::columns::FrictionColumns;
 use super::reduced::{Linearised, Reduced};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
-use crate::identify::Filtering;
+use crate::identify::{Filtering, normalise};
 use crate::signals::SignalError;
 use regen_runtime::friction::SHAPES;
 use regen_runtime::{Condition, Friction, Model, SizeError};
@@ -90,6 +90,8 @@ pub(super) struct Run {
     pub(super) qd: Vec<f64>,
     /// See [`directions`], sample by sample: dof x joints, joint by joint.
     pub(super) directions: Vec<f64>,
+    /// For each sample 1, or 0 if it is interpolated across a gap.
+    known: Vec<f64>,
     /// The number of samples whose equations are averaged; 0 stands for 1 as long as there is one sample.
     averaged: usize,
     /// The indices of the averages that have equations.
@@ -115,6 +117,12 @@ impl Run {
     ) -> Result<(), SignalError> {
         let averaged = self.averaged.max(1);
         let times = self.averages();
+        let is_whole = !self.known.contains(&0.0);
+        if !is_whole {
+            for (own, known) in values.chunks_exact_mut(width.max(1)).zip(&self.known) {
+                own.iter_mut().for_each(|value| *value *= known);
+            }
+        }
         if averaged > 1 {
             for group in 0..times.len() {
                 for k in 0..width {
@@ -125,7 +133,15 @@ impl Run {
             }
             values.truncate(times.len() * width);
         }
-        filtering.smoothing.apply(&times, values, width)
+        filtering.smoothing.apply(&times, values, width)?;
+        if !is_whole {
+            let mut known: Vec<f64> = self.known.chunks_exact(averaged).map(mean).collect();
+            filtering.smoothing.apply(&times, &mut known, 1)?;
+            for (own, known) in values.chunks_exact_mut(width.max(1)).zip(&known) {
+                normalise(own, *known);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -212,7 +228,7 @@ impl FrictionData {
         self.check_sample(qd, directions)?;
         self.check_equations(w, tau, weights)?;
         let time = self.runs.last().map_or(0, |run| run.times.len());
-        self.push_sample(time as f64, qd, directions)?;
+        self.push_sample(time as f64, qd, directions, false)?;
         self.push_equations(time as f64, w, tau, weights)
     }
 
@@ -239,11 +255,14 @@ impl FrictionData {
     }
 
     /// Adds a sample's motion, which is not filtered.
+    ///
+    /// - `bridged`: whether it is interpolated across a gap.
     pub(super) fn push_sample(
         &mut self,
         time: f64,
         qd: &[f64],
         directions: &[f64],
+        bridged: bool,
     ) -> Result<(), EstimateError> {
         self.check_sample(qd, directions)?;
         for (acts, d) in self.acts.iter_mut().zip(directions) {
@@ -255,6 +274,7 @@ impl FrictionData {
         }
         if let Some(run) = self.runs.last_mut() {
             run.times.push(time);
+            run.known.push(f64::from(!bridged));
             if let [first, second] = run.times[..] {
                 run.averaged = self.filtering.averaged(second - first);
             }

@@ -94,7 +94,7 @@ impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
         if core::mem::take(&mut self.gap) || !row.follows {
             data.interrupt();
         }
-        data.push_sample(row.time, &qd, &d)?;
+        data.push_sample(row.time, &qd, &d, row.bridged)?;
         Ok(true)
     }
 

@@ -296,6 +296,7 @@ where
             out.samples += own.samples;
             out.singular += own.singular;
             out.unsettled += own.unsettled;
+            out.bridged += own.bridged;
             for (sum, more) in out.resting.iter_mut().zip(&own.resting) {
                 *sum += more;
             }

@@ -33,6 +33,9 @@ pub struct StateSample<'a> {
     pub weights: &'a [f64],
     /// Whether the sample follows the one before it without a gap.
     pub follows: bool,
+    /// Whether its motion or its efforts are interpolated across a gap in the log: it keeps a filter
+    /// going, and gives no equation.
+    pub bridged: bool,
 }
 
 /// The kind of equations that are set up.
@@ -310,6 +313,11 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         let info = self.model.info();
         super::require("tau", info.dof(), sample.tau.len())?;
         super::require("qd", info.coordinates.len(), sample.qd.len())?;
+        if sample.bridged {
+            // the work across a gap is not known
+            self.balance = None;
+            return Ok(true);
+        }
         let Some((kinetic, power)) = self.power(sample)? else {
             return Ok(false);
         };

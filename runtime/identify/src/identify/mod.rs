@@ -42,8 +42,8 @@ pub use sampling::ChangedEfforts;
 pub(crate) use sampling::ChangedParameters;
 pub(crate) use stored::Means;
 pub use stored::StoredEquations;
-pub(crate) use stream::depends_on_direction;
 pub use stream::{Columns, LeftOut, NoColumns, equations};
+pub(crate) use stream::{depends_on_direction, normalise};
 
 use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;

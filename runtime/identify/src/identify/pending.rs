@@ -39,6 +39,7 @@ struct OwnedSample {
     at_standstill: Vec<bool>,
     weights: Vec<f64>,
     follows: bool,
+    bridged: bool,
 }
 
 /// Replaces the entries, and reuses the memory.
@@ -56,6 +57,7 @@ impl Pending {
         if let Some(own) = self.samples.get_mut(self.count) {
             own.time = sample.time;
             own.follows = sample.follows;
+            own.bridged = sample.bridged;
             assign(&mut own.tau, sample.tau);
             assign(&mut own.efforts, sample.efforts);
             assign(&mut own.held, sample.held);
@@ -133,6 +135,7 @@ impl Pending {
             at_standstill: &own.at_standstill,
             weights: &own.weights,
             follows: own.follows,
+            bridged: own.bridged,
         };
         let w = self.w.get(index * self.size..(index + 1) * self.size)?;
         Some((sample, w, self.pivots.get(index).copied()?))

@@ -24,6 +24,7 @@ struct RecordedSample {
     still: Vec<bool>,
     weights: Vec<f64>,
     follows: bool,
+    bridged: bool,
 }
 
 impl Recorded {
@@ -59,6 +60,7 @@ impl Recorded {
             still: Vec::new(),
             weights: vec![1.0; tau.len()],
             follows: !self.rows.is_empty(),
+            bridged: false,
         });
     }
 
@@ -74,6 +76,7 @@ impl Recorded {
             still: row.at_standstill.to_vec(),
             weights: row.weights.to_vec(),
             follows: row.follows,
+            bridged: row.bridged,
         });
     }
 
@@ -112,6 +115,7 @@ impl Source for Recorded {
                 at_standstill: &row.still,
                 weights: &row.weights,
                 follows: row.follows,
+                bridged: row.bridged,
             })?;
         }
         Ok(())

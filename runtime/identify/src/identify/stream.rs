@@ -22,6 +22,18 @@ pub struct LeftOut {
     pub unsettled: usize,
     /// For each effort, the number of equations left out because its coordinate rested.
     pub resting: Vec<usize>,
+    /// The number of samples left out because most of what the filter averages there lies in a gap that
+    /// was bridged.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub bridged: usize,
+}
+
+#[allow(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Columns in addition to those of the base parameters, such as those of nonlinear friction. They
@@ -103,6 +115,28 @@ const BLOCK_ROWS: usize = 2048;
 /// twentieth of its rms value in a part of 0.0225, so that of fast motion not everything is left out.
 const MAX_RESTED_PART: f64 = 0.03;
 
+/// The least part of the filter's weights that lies outside of bridged gaps for an equation to be used.
+pub(crate) const MIN_KNOWN_PART: f64 = 0.5;
+/// Where the filter's weights add up to 1 but for this, no sample was left out.
+const WHOLE: f64 = 1e-9;
+
+/// Divides filtered values of samples, of which those in bridged gaps were set to 0, by the part of the
+/// filter's weights that lies outside of these gaps. Both sides of the equations are treated so, and
+/// equations that hold at every sample then hold for the result too.
+///
+/// Returns whether that part suffices.
+pub(crate) fn normalise(values: &mut [f64], known: f64) -> bool {
+    if known < MIN_KNOWN_PART {
+        return false;
+    }
+    if (known - 1.0).abs() > WHOLE {
+        for value in values {
+            *value /= known;
+        }
+    }
+    true
+}
+
 /// Factors of couplings are larger than this.
 const NO_FACTOR: f64 = 1e-9;
 
@@ -147,7 +181,8 @@ struct Stream<'m, M: ?Sized> {
     /// The number of columns in addition to those of the base regressor.
     extra: usize,
     /// The number of entries of a sample in `values`: dof for each column, dof for the efforts, dof
-    /// for those that are held, and dof for the flags of coordinates that move.
+    /// for those that are held, dof for the flags of coordinates that move, and one for the flag of a
+    /// sample that is not interpolated.
     width: usize,
     times: Vec<f64>,
     values: Vec<f64>,
@@ -243,7 +278,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             friction: Direction::of(model),
             dof,
             extra,
-            width: dof * (columns + 3),
+            width: dof * (columns + 3) + 1,
             times: Vec::new(),
             values: Vec::new(),
             weights: Vec::new(),
@@ -316,6 +351,10 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         if !row.follows {
             self.end_run(each)?;
         }
+        if row.bridged && self.filtering.smoothing.is_none() {
+            columns.skip();
+            return self.end_run(each);
+        }
         if !self.observe(row, w, condition, columns)? {
             return self.end_run(each);
         }
@@ -379,6 +418,11 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         } else {
             self.friction.moved(row.at_standstill, &mut self.values);
         }
+        if row.bridged {
+            let own = self.values.get_mut(start..).unwrap_or_default();
+            own.fill(0.0);
+        }
+        self.values.push(f64::from(!row.bridged));
         self.times.push(row.time);
         self.weights.extend_from_slice(row.weights);
         Ok(true)
@@ -539,8 +583,18 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             if !(self.count - 1).is_multiple_of(every) {
                 continue;
             }
-            let sample = &self.filtered[k * self.width..(k + 1) * self.width];
-            let (w, rest) = sample.split_at(self.width - 3 * dof);
+            let sample = &mut self.filtered[k * self.width..(k + 1) * self.width];
+            let (sample, known) = sample.split_at_mut(self.width - 1);
+            let known = known.first().copied().unwrap_or(1.0);
+            let is_known = normalise(sample, known);
+            self.left.bridged += usize::from(!is_known);
+            // the average of fewer samples has more noise
+            let certain = if (known - 1.0).abs() > WHOLE {
+                known.clamp(0.0, 1.0).sqrt()
+            } else {
+                1.0
+            };
+            let (w, rest) = sample.split_at(self.width - 1 - 3 * dof);
             let (tau, rest) = rest.split_at(dof);
             let (held, moved) = rest.split_at(dof);
             let own = &self.weights[k * dof..(k + 1) * dof];
@@ -551,8 +605,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                     // above 1 the filter weighs a rest near by negatively
                     _ => f64::from((1.0 - moved).abs() <= MAX_RESTED_PART),
                 };
-                *weight = own[e] * part;
-                self.left.resting[e] += usize::from(*weight == 0.0);
+                *weight = own[e] * part * certain * f64::from(is_known);
+                self.left.resting[e] += usize::from(is_known && *weight == 0.0);
             }
             self.left.samples += 1;
             each(&Equations {

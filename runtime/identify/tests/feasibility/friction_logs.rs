@@ -139,9 +139,16 @@ fn a_log_is_collected_without_its_singular_samples() {
     assert!(collect(&model, &mut made, &[other]).is_err());
 }
 
-/// At 500 samples per second and a cutoff of 2 Hz the equations of four samples are averaged.
+/// At 500 samples per second and a cutoff of 2 Hz the equations of four samples are averaged. Samples in
+/// a bridged gap have no influence on either, whatever they are.
 #[test]
 fn friction_is_averaged_over_samples_as_its_equations_are() {
+    averaged_friction(|_| false);
+    averaged_friction(|k| k % 700 < 45 || k % 333 == 7);
+}
+
+/// - `bridged`: whether a sample lies in a gap.
+fn averaged_friction(bridged: impl Fn(i32) -> bool) {
     let model = SliderCrank::default();
     let filtering = Filtering {
         smoothing: Smoothing::Butterworth {
@@ -161,7 +168,22 @@ fn friction_is_averaged_over_samples_as_its_equations_are() {
         let state = closure
             .track_state(&[0.8 + 0.6 * s], &[0.9 * c], &[-1.35 * s])
             .unwrap();
-        log.push(t, &state.q, &state.qd, &state.qdd, &[effort(&state)]);
+        let is_bridged = bridged(k);
+        let tau = if is_bridged { -20.0 } else { effort(&state) };
+        let qdd = state.qdd.iter().map(|x| if is_bridged { 3.0 } else { *x });
+        log.push_row(&StateSample {
+            time: t,
+            q: &state.q,
+            qd: &state.qd,
+            qdd: &qdd.collect::<Vec<f64>>(),
+            tau: &[tau],
+            efforts: &[],
+            held: &[],
+            at_standstill: &[],
+            weights: &[1.0],
+            follows: k > 0,
+            bridged: is_bridged,
+        });
     }
     let laws: Vec<FrictionJoint> = joints()
         .into_iter()

@@ -71,6 +71,7 @@ fn row<'a>(
         at_standstill: &[],
         weights,
         follows,
+        bridged: false,
     }
 }
 
@@ -191,6 +192,7 @@ fn a_row_that_is_not_finite_gives_no_equation() {
             at_standstill: &[],
             weights: &[1.0],
             follows: true,
+            bridged: false,
         };
         assert_eq!(observer.observe(&row).unwrap().tau.len(), given, "{qdd}");
     }

@@ -232,6 +232,7 @@ fn a_bound_beyond_all_residuals_has_no_effect() {
             at_standstill: &[],
             weights: &[1.0 + (k % 3) as f64],
             follows: k > 0,
+            bridged: false,
         });
     }
     let plain = identified(&mut log, &Options::default());

@@ -16,6 +16,31 @@ pub struct LogFile {
     states: usize,
     problems: Vec<String>,
     dropped: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gaps: Option<Gaps>,
+}
+
+/// The gaps and dropouts of a log: how many were bridged, with how many rows, and how many divide the
+/// log.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Gaps {
+    bridged: usize,
+    rows: usize,
+    cuts: usize,
+    /// The longest time that is bridged, s.
+    longest: f64,
+}
+
+impl Gaps {
+    fn of(report: &FileReport) -> Option<Self> {
+        let own = report.bridged;
+        (own.count > 0 || own.cuts > 0).then_some(Self {
+            bridged: own.count,
+            rows: own.rows,
+            cuts: own.cuts,
+            longest: own.longest,
+        })
+    }
 }
 
 impl LogFile {
@@ -38,6 +63,7 @@ impl LogFile {
                 .iter()
                 .map(|(_, count)| count)
                 .sum(),
+            gaps: Gaps::of(report),
         }
     }
 }
