@@ -243,7 +243,12 @@ fn models(
             first.copy_intervals_if_equal(&least);
         }
         if let Some(last) = found.last() {
-            let known = !last.intervals.friction.is_empty();
+            let known = last
+                .intervals
+                .friction
+                .iter()
+                .flatten()
+                .any(Option::is_some);
             let filtered = !session.reading.method.smoothing().is_none();
             if let Some(text) = results::filtered_friction(&last.friction, known, filtered) {
                 terminal::note(&text);

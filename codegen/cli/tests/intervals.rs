@@ -107,20 +107,19 @@ fn intervals_of_a_five_bar_with_friction_contain_the_true_values_without_noise()
     );
 }
 
-#[test]
-fn intervals_of_nonlinear_friction_behind_a_filter_come_with_a_warning() {
-    let dir = scratch("intervals_friction");
+/// Writes the spec of a pendulum with this friction law, and a log of it with an arctangent.
+fn pendulum(dir: &Path, law: &str) {
     let spec = "\
 name: pendulum
 gravity: [0, 0, -9.81]
 limbs:
   - name: arm
     joints:
-      - {name: q1, type: revolute, dh: {alpha: pi/2}, body: a, actuated: true, friction: atan}
+      - {name: q1, type: revolute, dh: {alpha: pi/2}, body: a, actuated: true, friction: LAW}
 bodies:
   a: {mass: 1, com: [0.3, 0, 0], inertia: [0, 0, 0, 0.02, 0, 0.02]}
 ";
-    fs::write(dir.join("pendulum.yaml"), spec).unwrap();
+    fs::write(dir.join("pendulum.yaml"), spec.replace("LAW", law)).unwrap();
     let mut log = "t,q1,tau_q1\n".to_owned();
     for k in 0..2000 {
         let t = 0.01 * f64::from(k);
@@ -135,6 +134,43 @@ bodies:
         writeln!(log, "{t:.2},{q},{tau}").unwrap();
     }
     fs::write(dir.join("log.csv"), log).unwrap();
+}
+
+/// The table beside nonlinear friction is that of least squares with linear friction.
+#[test]
+fn least_squares_beside_nonlinear_friction_has_the_deviations_of_plain_least_squares() {
+    let dir = scratch("intervals_beside");
+    let identify = |law: &str, options: &str| {
+        pendulum(&dir, law);
+        let line = format!(
+            "identify pendulum.yaml log.csv --butterworth 4,5 --decimate 2 --format json {options}"
+        );
+        let words: Vec<&str> = line.split(' ').collect();
+        regen(&dir, &words).ended(0).json()
+    };
+    let plain = identify("linear", "--no-suspicion");
+    let beside = identify("atan", "--friction --draws 0");
+    let rows = beside["least_squares"].as_array().unwrap();
+    let find = |label: &Value| {
+        let mut all = plain["parameters"].as_array().unwrap().iter();
+        all.find(|row| row["label"] == *label).unwrap()
+    };
+    assert_eq!(rows.len(), 5, "{rows:?}");
+    for row in rows {
+        let own = find(&row["label"]);
+        for key in ["value", "sigma"] {
+            let (found, expected) = (row[key].as_f64().unwrap(), own[key].as_f64().unwrap());
+            assert!((found / expected - 1.0).abs() < 1e-6, "{key}: {row} {own}");
+        }
+        let white = own["sigma_white"].as_f64().unwrap();
+        assert!((own["sigma"].as_f64().unwrap() / white - 1.0).abs() > 0.1);
+    }
+}
+
+#[test]
+fn intervals_of_nonlinear_friction_behind_a_filter_come_with_a_warning() {
+    let dir = scratch("intervals_friction");
+    pendulum(&dir, "atan");
     let warned = |options: &str| {
         let line = format!("identify pendulum.yaml log.csv --friction {options}");
         let words: Vec<&str> = line.split(' ').collect();

@@ -49,7 +49,12 @@ pub fn columns(head: &[&str], rows: &[Vec<String>]) -> String {
 /// ```
 pub fn field(name: &str, value: &str) -> String {
     const INDENT: usize = 16;
-    format!("  {name:<w$}{}", wrapped(value, INDENT), w = INDENT - 2)
+    const WIDTH_OF_NAMES: usize = INDENT - 2;
+    if name.chars().count() < WIDTH_OF_NAMES {
+        return format!("  {name:<WIDTH_OF_NAMES$}{}", wrapped(value, INDENT));
+    }
+    // a name that fills its column is the beginning of the text
+    format!("  {}", wrapped(&format!("{name} {value}"), INDENT))
 }
 
 /// Formats an entry of a list; further lines are aligned with its text.
@@ -106,6 +111,14 @@ mod tests {
             columns(&["x", "n"], &rows),
             "  x       n\n  a       1\n  bcd  1234\n"
         );
+    }
+
+    #[test]
+    fn a_value_follows_a_long_name_after_a_blank() {
+        let text = field("shoulder_pan_joint (atan)", &"Fc 12.3, ".repeat(20));
+        assert!(text.starts_with("  shoulder_pan_joint (atan) Fc 12.3, "));
+        assert!(text.lines().all(|line| line.len() <= 80));
+        assert!(field("fourteen signs", "1").starts_with("  fourteen signs 1"));
     }
 
     #[test]

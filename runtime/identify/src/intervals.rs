@@ -46,7 +46,9 @@ const UNCERTAIN_LIMIT_PART: f64 = 0.025;
 /// Parameters whose correlation is below this count as independent: the correlation of some
 /// tens of draws differs from the true one by a tenth.
 const MIN_CORRELATION: f64 = 0.3;
-/// A value within this part of a standard deviation from a limit is at the limit.
+/// A value within this part of a standard deviation from a limit is at the limit, unless that is more
+/// than the deviation which the value would have if all others were known: columns that are nearly the
+/// same have deviations that are far larger than their values.
 const LIMIT_DEVIATIONS: f64 = 1e-3;
 /// A parameter is determined if the part of its unit vector outside the span of the determined
 /// combinations has a squared norm below this.
@@ -258,8 +260,11 @@ impl ProjectedDraws {
         combinations: &BaseMap,
         layout: &ParameterLayout,
         options: &Options,
-        deviations: &Deviations,
+        data: LeastSquares<'_>,
     ) {
+        let factor = data.factor;
+        let noise = (factor.rss() / factor.rows().max(1) as f64).sqrt();
+        let lengths = factor.column_norms();
         for (j, label) in layout.labels().iter().enumerate() {
             let own = options.bounds.iter().find(|b| b.parameter == *label);
             let sign = if layout.single().contains(&j) {
@@ -273,11 +278,15 @@ impl ProjectedDraws {
             let alone = rows
                 .clone()
                 .position(|row| row.iter().enumerate().all(|(k, x)| (*x != 0.0) == (k == j)));
-            let sigma = match alone {
-                Some(k) => deviations.sigma(k) / combinations.rows()[k][j].abs(),
-                None => Spread::new(0.0, self.of_all(j)).scatter(),
+            let reach = match alone {
+                Some(k) => {
+                    let if_others_are_known = noise / lengths[k];
+                    let own = LIMIT_DEVIATIONS * data.deviations.sigma(k);
+                    own.min(if_others_are_known) / combinations.rows()[k][j].abs()
+                }
+                None => LIMIT_DEVIATIONS * Spread::new(0.0, self.of_all(j)).scatter(),
             };
-            let near = |x: f64, limit: f64| (x - limit).abs() <= LIMIT_DEVIATIONS * sigma;
+            let near = |x: f64, limit: f64| (x - limit).abs() <= reach;
             let mut at = vec![false; self.phi.len()];
             let draws = self.phi.iter_mut().zip(&mut self.beta).zip(&mut at);
             for ((phi, beta), at) in draws {
@@ -388,7 +397,7 @@ pub(crate) fn replicate(
             progress(done);
         }
     }
-    out.snap_to_limits(combinations, layout, options, deviations);
+    out.snap_to_limits(combinations, layout, options, data);
     match error {
         Some(why) if 10 * out.failed > replicates => Err(why),
         _ => Ok(out),

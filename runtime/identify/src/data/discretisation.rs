@@ -211,6 +211,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             let change: Vec<f64> = tau.iter().zip(&changed).map(|(a, b)| a - b).collect();
             (out.each)(&ChangedEfforts {
                 q: &a.q,
+                qd: [&a.qd, &b.qd],
                 w: &w,
                 change: &change,
                 rows: out.rows,

@@ -75,6 +75,9 @@ pub struct FrictionData {
     pub(super) w: Vec<f64>,
     /// The weighted efforts, dof for each equation.
     pub(super) tau: Vec<f64>,
+    /// The weighted residuals of efforts that the controller holds between rows, see
+    /// [`Equations::held`](crate::identify::Equations::held); empty where they are not known.
+    held: Vec<f64>,
     pub(super) weights: Vec<f64>,
     runs: Vec<Run>,
     /// Whether the friction of a joint acts on a row at any sample: dof x joints, joint by joint.
@@ -194,6 +197,7 @@ impl FrictionData {
             filtering: Filtering::default(),
             w: Vec::new(),
             tau: Vec::new(),
+            held: Vec::new(),
             weights: Vec::new(),
             runs: Vec::new(),
             acts: vec![false; dof * joints.len()],
@@ -319,6 +323,21 @@ impl FrictionData {
         Ok(())
     }
 
+    /// Adds the residuals of held efforts of the last equations, dof entries; none if they are not known.
+    pub(super) fn push_held(&mut self, held: &[f64]) {
+        let own = held.iter().copied().chain(core::iter::repeat(0.0));
+        let last = self.weights.len().saturating_sub(self.dof);
+        let weights = self.weights.get(last..).unwrap_or_default();
+        self.held.resize(last, 0.0);
+        self.held
+            .extend(weights.iter().zip(own).map(|(s, x)| s * x));
+    }
+
+    /// The weighted residuals of held efforts, dof for each equation.
+    pub(super) fn held(&self) -> &[f64] {
+        &self.held
+    }
+
     /// Multiplies the rows of each effort by a weight, 1/sigma; `weights` has dof entries.
     ///
     /// # Errors
@@ -336,7 +355,12 @@ impl FrictionData {
             return Err(EstimateError::NotFinite { what, row });
         }
         self.reduced.take();
-        for values in [&mut self.w, &mut self.tau, &mut self.weights] {
+        for values in [
+            &mut self.w,
+            &mut self.tau,
+            &mut self.held,
+            &mut self.weights,
+        ] {
             for row in values.chunks_exact_mut(self.dof.max(1)) {
                 for (value, weight) in row.iter_mut().zip(weights) {
                     *value *= weight;

@@ -2,10 +2,10 @@
 
 use super::FrictionData;
 use super::columns::{Behind, FrictionColumns};
-use super::data::Rows;
 use super::fit::FrictionFit;
+use super::scores::FittedColumns;
 use super::values::symbols;
-use crate::estimate::{Deviations, EstimateError, ORDER, QrFactor, Residuals, Scores};
+use crate::estimate::{Deviations, EstimateError, QrFactor};
 use crate::feasibility::{BaseMap, Bound, FeasibilityError, Options, ParameterLayout};
 use crate::intervals::{Draws, LeastSquares, Spread, determined, replicate};
 use regen_runtime::friction::SHAPES;
@@ -13,6 +13,10 @@ use regen_runtime::friction::SHAPES;
 /// The bound on the change of the logarithm of a shape parameter in a draw: a factor of 20 up or
 /// down.
 const LOG_SHAPE_REACH: f64 = 3.0;
+
+/// The largest standard deviation of the step of a shape parameter that is known, in units of
+/// [`LOG_SHAPE_REACH`]: beyond it most draws end at their bound, wherever that is.
+const MAX_STEP_DEVIATION: f64 = 1.0;
 
 /// Confidence intervals of a fit with nonlinear friction.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,13 +72,17 @@ pub fn intervals(
     let whole = equations.with_steps(&point.values, LOG_SHAPE_REACH)?;
     let (factor, kept) = determined_part(&whole, known)?;
     let values = factor.solve()?;
-    let linear = LinearisedFit {
+    let linearised = FittedColumns {
         data,
-        fit,
+        columns: FrictionColumns {
+            laws: &point.laws,
+            shapes: &point.shapes,
+            behind: Behind::Steps(&point.values, LOG_SHAPE_REACH),
+        },
         kept: &kept,
         values: &values,
     };
-    let deviations = linear.deviations(&factor)?;
+    let deviations = linearised.deviations(&factor)?;
 
     let labels = factor.labels();
     let more = &labels[r..];
@@ -138,7 +146,9 @@ pub fn intervals(
         // friction does not have
         let mut silent: Vec<&str> = Vec::new();
         for symbol in own.shape_symbols().iter().take(SHAPES) {
-            if !kept.contains(&column) {
+            let place = kept.iter().position(|c| *c == column);
+            let sigma = place.map_or(f64::INFINITY, |place| deviations.sigma(place));
+            if sigma > MAX_STEP_DEVIATION {
                 silent.push(symbol);
             }
             column += 1;
@@ -190,88 +200,5 @@ fn determined_part(
             // the error of the solution lists the undetermined parameters
             None => return Ok((factor, kept)),
         }
-    }
-}
-
-/// The linearised fit: data, optimum, columns and their parameters.
-struct LinearisedFit<'a> {
-    data: &'a FrictionData,
-    fit: &'a FrictionFit,
-    kept: &'a [usize],
-    values: &'a [f64],
-}
-
-/// A callback that takes the rows, the entries of the remaining columns, the residuals, and for
-/// each effort 1 if it is used or 0.
-type RowVisitor<'a> =
-    dyn FnMut(&Rows<'_>, &[f64], &[f64], &[f64]) -> Result<(), EstimateError> + 'a;
-
-impl LinearisedFit<'_> {
-    /// Calls `each` for every sample with the entries of the remaining columns, the residuals, and
-    /// 1 or 0 for each effort that is used or not.
-    fn visit(&self, each: &mut RowVisitor<'_>) -> Result<(), EstimateError> {
-        let dof = self.data.dof();
-        let point = &self.fit.point;
-        let columns = FrictionColumns {
-            laws: &point.laws,
-            shapes: &point.shapes,
-            behind: Behind::Steps(&point.values, LOG_SHAPE_REACH),
-        };
-        let mut w = Vec::with_capacity(dof * self.kept.len());
-        let columns_left_out: Vec<usize> = (0..self.data.labels.len() + columns.count())
-            .filter(|column| !self.kept.contains(column))
-            .collect();
-        let mut left = vec![0.0; dof];
-        let mut used = vec![0.0; dof];
-        self.data.visit(&columns, &mut |rows| {
-            w.clear();
-            for column in self.kept {
-                w.extend_from_slice(&rows.w[column * dof..(column + 1) * dof]);
-            }
-            left.copy_from_slice(rows.tau);
-            for (column, value) in w.chunks_exact(dof.max(1)).zip(self.values) {
-                for (rest, x) in left.iter_mut().zip(column) {
-                    *rest -= x * value;
-                }
-            }
-            // the unknowns of steps that are left out are 1, which changes no shape
-            for column in &columns_left_out {
-                let entries = &rows.w[column * dof..(column + 1) * dof];
-                for (rest, x) in left.iter_mut().zip(entries) {
-                    *rest -= x;
-                }
-            }
-            for (slot, weight) in used.iter_mut().zip(rows.weights) {
-                *slot = f64::from(*weight > 0.0);
-            }
-            each(&rows, &w, &left, &used)
-        })
-    }
-
-    fn deviations(&self, factor: &QrFactor) -> Result<Deviations, EstimateError> {
-        let dof = self.data.dof();
-        let names: Vec<String> = (0..dof).map(|k| format!("{k}")).collect();
-        let none = vec![0.0; dof];
-        let mut residuals = Residuals::new(&names, &none, ORDER);
-        self.visit(&mut |rows, _, left, used| {
-            if !rows.follows {
-                residuals.interrupt();
-            }
-            let used: Vec<bool> = used.iter().map(|x| *x > 0.0).collect();
-            residuals.push_used(left, &none, &used)
-        })?;
-        let noise = residuals.autoregressions();
-        let mut scores = Scores::new(self.kept.len(), &noise);
-        let ones = vec![1.0; dof];
-        self.visit(&mut |rows, w, left, used| {
-            if !rows.follows {
-                scores.interrupt();
-            }
-            scores.push(w, used, left, &ones)
-        })?;
-        let all: Vec<usize> = (0..self.kept.len()).collect();
-        scores
-            .finish(self.values)?
-            .deviations(factor, &all, self.values, 1.0)
     }
 }

@@ -17,11 +17,12 @@ mod intervals;
 mod passes;
 mod reduced;
 mod residuals;
+mod scores;
 mod starts;
 mod values;
 
 pub use data::{FrictionData, FrictionJoint, directions};
 pub use fit::{FrictionFit, JointFit, fit};
 pub use intervals::{FrictionIntervals, intervals};
-pub(crate) use passes::with_linear_friction;
 pub use passes::{JointEfforts, collect, nonlinear_joints, residuals};
+pub(crate) use passes::{discretisation, with_linear_friction};

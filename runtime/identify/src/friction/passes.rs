@@ -4,11 +4,11 @@
 use core::cell::RefCell;
 
 use super::{FrictionData, FrictionJoint, JointFit, directions};
-use crate::estimate::{EstimateError, Residuals};
+use crate::estimate::{EstimateError, QrFactor, Residuals};
 use crate::feasibility::FeasibilityError;
 use crate::identify::{
-    Columns, EquationBuilder, EquationKind, Identified, LeftOut, Options, Source, StateSample,
-    equations, identify_with_columns,
+    ChangedEfforts, ChangedParameters, Columns, EquationBuilder, EquationKind, Identified, LeftOut,
+    Options, Source, StateSample, equations, identify_with_columns,
 };
 use regen_runtime::{BaseModel, SizeError, Status};
 
@@ -137,7 +137,9 @@ where
         &mut recorder,
         &mut |rows| {
             let mut data = data.borrow_mut();
-            data.push_equations(rows.time, rows.w, rows.tau, rows.weights)
+            data.push_equations(rows.time, rows.w, rows.tau, rows.weights)?;
+            data.push_held(rows.held);
+            Ok(())
         },
     )?;
     Ok((data.into_inner(), left_out))
@@ -251,6 +253,58 @@ where
     let labels: Vec<String> = labels.collect();
     let columns = LinearFriction { model, places };
     identify_with_columns(model, options, source, Box::new(columns), &labels)
+}
+
+/// By how much each parameter would change with other derivatives of the positions, with linear friction
+/// at joints whose friction is nonlinear; see [`ChangedEfforts`].
+///
+/// - `values`: base parameters, then `Fc` and `Fv` of each such joint, SI; `factor`: the weighted factor
+///   that they solve, whose weights of the efforts are `weights`.
+///
+/// # Errors
+/// When the log cannot be read.
+pub(crate) fn discretisation<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+    values: &[f64],
+    weights: &[f64],
+    factor: &QrFactor,
+) -> Result<Vec<f64>, S::Error>
+where
+    S::Error: From<FeasibilityError>,
+{
+    let joints = nonlinear_joints(model).into_iter().map(|joint| joint.name);
+    let at = places(model, joints)?;
+    let (beta, friction) = values.split_at(values.len().saturating_sub(2 * at.len()));
+    let mut found = ChangedParameters::new(factor.labels().to_vec());
+    let (mut w, mut change) = (Vec::new(), Vec::new());
+    source.changed_efforts(beta, None, &mut |state: &ChangedEfforts<'_>| {
+        let (d, _) = directions(model, state.q, &at)?;
+        let dof = state.change.len().max(1);
+        w.clear();
+        w.extend_from_slice(state.w);
+        change.clear();
+        change.extend_from_slice(state.change);
+        let [usual, other] = state.qd;
+        let own = at
+            .iter()
+            .zip(d.chunks_exact(dof))
+            .zip(friction.chunks_exact(2));
+        for ((place, d), own) in own {
+            let velocity = |of: &[f64]| of.get(*place).copied().unwrap_or(0.0);
+            let (v, v_other) = (velocity(usual), velocity(other));
+            let sign = if v == 0.0 { 0.0 } else { v.signum() };
+            w.extend(d.iter().map(|x| x * sign));
+            w.extend(d.iter().map(|x| x * v));
+            // the sign of the velocity is the same with both
+            let viscous = own.last().copied().unwrap_or(0.0);
+            for (sum, d) in change.iter_mut().zip(d) {
+                *sum += d * viscous * (v - v_other);
+            }
+        }
+        found.push((&mut w, &change), weights, state.rows)
+    })?;
+    Ok(found.finish(factor))
 }
 
 /// Computes the residuals of base parameters and nonlinear friction on a log, like

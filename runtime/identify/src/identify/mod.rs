@@ -38,6 +38,7 @@ pub use passes::{
 pub(crate) use passes::{identify_and_store, identify_with_columns};
 pub use recorded::Recorded;
 pub(crate) use replay::Replay;
+pub(crate) use residual_passes::samples_per_independent_one;
 pub use sampling::ChangedEfforts;
 pub(crate) use sampling::ChangedParameters;
 pub(crate) use stored::Means;

@@ -164,7 +164,7 @@ pub(super) fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 }
 
 /// How many consecutive samples carry the information of one independent sample, rounded.
-pub(super) fn samples_per_independent_one(blocks: &Blocks) -> usize {
+pub(crate) fn samples_per_independent_one(blocks: &Blocks) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
     let samples = blocks.correlation_length().round() as usize;
     samples

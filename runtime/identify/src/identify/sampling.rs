@@ -13,6 +13,8 @@ const WHOLE_LOG_WEIGHT: f64 = 1e-3;
 pub struct ChangedEfforts<'a> {
     /// The positions of all coordinates, rad or m.
     pub q: &'a [f64],
+    /// The velocities of all coordinates, rad/s or m/s, and those with the other derivatives.
+    pub qd: [&'a [f64]; 2],
     /// The base regressor, dof x r, column-major, SI.
     pub w: &'a [f64],
     /// The predicted efforts less those with the other derivatives, dof, N m or N. The positions of

@@ -154,8 +154,8 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
                 draws,
                 &mut progress,
             )?;
-            let short = if spread.deviations.short() {
-                "; the samples are too few to estimate these deviations"
+            let short = if spread.replicates > 0 && spread.deviations.short() {
+                "; likely to be too small, as the independent samples are too few"
             } else {
                 ""
             };

@@ -7,9 +7,9 @@ use super::motion_noise::motion_bias;
 use super::{MonitoredLogs, Session, SessionError, physical};
 use crate::data::{FileReport, Run};
 use crate::estimate::{
-    Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, QrFactor, Weighting,
+    Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, QrFactor, Residuals, Weighting,
 };
-use crate::friction::{FrictionData, collect, nonlinear_joints};
+use crate::friction::{self, FrictionData, collect, nonlinear_joints};
 use crate::identify::{
     self, Delays, EquationBuilder, EquationKind, Equations, HeldEfforts, Identified, LeftOut,
     NoColumns, StoredEquations, digest,
@@ -32,8 +32,7 @@ pub struct LeastSquaresStart {
     /// The estimate with the covariance and degrees of freedom that `intervals` are computed from.
     pub estimate_for_intervals: Estimate,
     /// The scores (contributions of the residuals to the gradient of least squares), summed over
-    /// blocks of consecutive samples; `None` for a start from QR factors or with nonlinear
-    /// friction.
+    /// blocks of consecutive samples; `None` for a start from QR factors.
     pub score_blocks: Option<Blocks>,
     /// The samples of all logs; `None` unless the start is for nonlinear friction.
     pub data: Option<FrictionData>,
@@ -272,7 +271,7 @@ fn white<M: BaseModel<f64> + ?Sized>(
 
 /// Reads logs into memory and solves least squares for a robot with nonlinear friction. The
 /// equations are the equations of motion, also in a session for energy balances, and joints with
-/// nonlinear friction have linear friction at first; the intervals assume white residuals.
+/// nonlinear friction have linear friction at first.
 ///
 /// # Errors
 /// [`SessionError::NoNonlinearFriction`] for a robot without such joints; when the logs cannot be
@@ -324,12 +323,29 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         }
         residuals = Some(statistics);
     }
-    // the efforts' residual statistics replace those of the estimate only after `white` has
-    // computed the intervals from the estimate of the weighted rows
-    let mut start = white(session, EquationKind::Forces.name(), factor, estimate);
-    if let Some(statistics) = residuals {
+    let (deviations, blocks, sampling_note) = {
+        let blocks = data.linear_scores(&estimate.values)?;
+        let all: Vec<usize> = (0..estimate.values.len()).collect();
+        let found = blocks.deviations(&factor, &all, &estimate.values, 1.0)?;
+        let values = &estimate.values;
+        let changes = [
+            friction::discretisation(model, &mut logs, values, &weights, &factor)?,
+            data.linear_change_if_held(&factor)?,
+        ];
+        let (found, words) = found.with_sampling(&changes);
+        let add = |blocks: Blocks, change| blocks.with_change(&factor, change);
+        let blocks = changes.iter().map(Vec::as_slice).fold(blocks, add);
+        (found, blocks, words)
+    };
+    let estimate_for_intervals = estimate.with_deviations(&deviations);
+    let method = format!("least squares, {}{sampling_note}", deviations.in_words());
+    let confidence = session.confidence;
+    // the intervals are those of the estimate of the weighted rows, so they come before its efforts
+    // get their own statistics
+    let intervals = Intervals::of(&estimate, &estimate_for_intervals, confidence, method);
+    if let Some(statistics) = &residuals {
         let errors_and_weights = statistics.efforts().into_iter().zip(&weights);
-        start.estimate.efforts = errors_and_weights
+        estimate.efforts = errors_and_weights
             .map(|(error, weight)| EffortFit {
                 name: error.name,
                 rows: error.samples,
@@ -337,11 +353,25 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
                 weight: *weight,
             })
             .collect();
-        start.errors = statistics.efforts();
-        start.relative_absolute = Some(statistics.relative_absolute());
     }
-    start.left_out = Some(left_out);
-    start.data = Some(data);
-    start.reports = logs.logs().reports().to_vec();
-    Ok(start)
+    Ok(LeastSquaresStart {
+        kind: EquationKind::Forces.name(),
+        factor,
+        intervals,
+        deviations,
+        estimate_for_intervals,
+        correlation_length: Some(identify::samples_per_independent_one(&blocks)),
+        score_blocks: Some(blocks),
+        estimate,
+        equations: None,
+        errors: residuals
+            .as_ref()
+            .map(Residuals::efforts)
+            .unwrap_or_default(),
+        relative_absolute: residuals.as_ref().map(Residuals::relative_absolute),
+        left_out: Some(left_out),
+        data: Some(data),
+        delays: Delays::default(),
+        reports: logs.logs().reports().to_vec(),
+    })
 }
