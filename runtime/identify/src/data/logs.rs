@@ -82,7 +82,8 @@ impl Log {
         each: &mut RowSink<'_>,
     ) -> Result<(), DataError> {
         let Some(kept) = &self.kept else {
-            return self.file.rows(&self.survey, problem, each);
+            self.file.rows(&self.survey, problem, each)?;
+            return Ok(());
         };
         for stretch in kept {
             for (k, row) in stretch.iter().enumerate() {

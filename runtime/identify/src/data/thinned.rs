@@ -146,6 +146,11 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             && self.files.iter().any(|log| !log.file.layout.derivatives)
     }
 
+    /// Whether gaps or rows that are left out divide a log.
+    pub(crate) fn is_divided(&self) -> bool {
+        self.files.iter().any(|log| log.divided)
+    }
+
     fn with_files(&self, files: Vec<Log>) -> Self {
         Self {
             model: self.model,
@@ -186,6 +191,10 @@ fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {
         let row = |k: usize| LogRow {
             line: rows.get(k).map_or(0, |row| row.line),
             values: columns.iter().filter_map(|c| c.get(k).copied()).collect(),
+            // one of the rows that it stands for is interpolated
+            bridged: rows
+                .get(k.saturating_sub(every / 2)..rows.len().min(k + every / 2 + 1))
+                .is_some_and(|near| near.iter().any(|row| row.bridged)),
         };
         stretches.push(used.map(row).collect::<Vec<LogRow>>());
     }

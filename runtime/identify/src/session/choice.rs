@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion_noise::{NoisyLogs, is_undetermined, rates, values, whole};
 use super::{Session, SessionError};
-use crate::data::{DataError, Logs, NoiseLevels, Run, Settings};
+use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
 use crate::friction::{nonlinear_joints, with_linear_friction};
 use crate::identify::{self, EquationKind, Options};
@@ -145,33 +145,37 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
     if session.reading.period.is_some() || session.kind != EquationKind::Forces {
         return Ok(None);
     }
-    let mut reading = Settings {
+    let reading = Settings {
         method: Method::Central,
         decimation: 1,
         ..session.reading.clone()
     };
     session.watch.phase("choosing a filter");
-    let opened = Logs::open(session.model, runs, &reading)?;
-    if !opened.is_differentiated() {
-        session.watch.finished();
-        return Ok(None);
-    }
-    let mut resample = None;
-    let mut logs = opened.in_memory(MAX_ROWS)?;
-    let mut found = search(session, &logs);
-    if let (Err(DataError::Signal { why: SignalError::NotUniform { .. }, .. }), None) =
-        (&found, reading.resample)
-    {
-        // a filter needs rows at even times
-        let steps = logs.durations();
-        let step = steps.iter().map(|(step, _)| *step).fold(f64::INFINITY, f64::min);
-        resample = Some(nice(1.0 / step));
-        reading.resample = resample;
-        logs = Logs::open(session.model, runs, &reading)?.in_memory(MAX_ROWS)?;
-        found = search(session, &logs);
-    }
+    let found = opened(session.model, runs, &reading).and_then(|(opened, mut resample)| {
+        if !opened.is_differentiated() {
+            return Ok(None);
+        }
+        let mut logs = opened.in_memory(MAX_ROWS)?;
+        let mut found = search(session, &logs);
+        if let (Err(error), None) = (&found, reading.resample.or(resample))
+            && is_uneven(error)
+        {
+            // a filter needs rows at even times
+            resample = Some(rate_of(&logs));
+            let even = Settings {
+                method: bridging(),
+                resample,
+                ..reading.clone()
+            };
+            logs = Logs::open(session.model, runs, &even)?.in_memory(MAX_ROWS)?;
+            found = search(session, &logs);
+        }
+        Ok(Some((found?, logs, resample)))
+    });
     session.watch.finished();
-    let (trials, errors, best) = found?;
+    let Some(((trials, errors, best), logs, resample)) = found? else {
+        return Ok(None);
+    };
     let Some(trial) = trials.get(best) else {
         return Ok(None);
     };
@@ -184,7 +188,7 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
         apart: percent(own.apart),
     });
     let steps = logs.durations();
-    let rate = steps.iter().map(|(step, _)| 1.0 / step).fold(f64::INFINITY, f64::min);
+    let rate = (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min);
     Ok(Some(Choice {
         order: ORDER,
         cutoff: trial.cutoff,
@@ -192,6 +196,70 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
         resample,
         candidates: candidates.collect(),
     }))
+}
+
+/// Opens logs as they are or, where gaps divide them or prevent that, as a filter would bridge them, on an
+/// even grid if need be; returns them with the rate of the grid, Hz.
+fn opened<'m, M: BaseModel<f64> + ?Sized>(
+    model: &'m M,
+    runs: &[Run],
+    reading: &Settings,
+) -> Result<(Logs<'m, M>, Option<f64>), DataError> {
+    let plain = Logs::open(model, runs, reading);
+    let is_divided = match &plain {
+        Ok(logs) => logs.is_divided(),
+        Err(error) => matches!(error, DataError::Problems { .. }),
+    };
+    if !is_divided {
+        return Ok((plain?, None));
+    }
+    let bridged = Settings {
+        method: bridging(),
+        ..reading.clone()
+    };
+    let found = Logs::open(model, runs, &bridged);
+    if found.is_ok() || reading.resample.is_some() {
+        return Ok((found?, None));
+    }
+    // the first error is that of the logs as they are
+    let lenient = Settings {
+        policy: Policy::Drop,
+        ..reading.clone()
+    };
+    let resample = Some(rate_of(&Logs::open(model, runs, &lenient)?.in_memory(0)?));
+    let even = Settings {
+        resample,
+        ..bridged
+    };
+    match Logs::open(model, runs, &even) {
+        Ok(logs) => Ok((logs, resample)),
+        Err(_) => Ok((plain?, None)),
+    }
+}
+
+/// A filter whose memory bridges gaps of a quarter of a second, with which logs are read until one is chosen.
+fn bridging() -> Method {
+    Method::Butterworth {
+        order: ORDER,
+        cutoff: 4.0,
+    }
+}
+
+fn is_uneven(error: &DataError) -> bool {
+    matches!(
+        error,
+        DataError::Signal {
+            why: SignalError::NotUniform { .. },
+            ..
+        }
+    )
+}
+
+/// The lowest rate of the rows of logs, Hz, with three digits.
+fn rate_of<M: BaseModel<f64> + ?Sized>(logs: &Logs<'_, M>) -> f64 {
+    let steps = logs.durations();
+    let rate = (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min);
+    format!("{rate:.2e}").parse().unwrap_or(rate)
 }
 
 /// Tries cutoffs in rising order, until more of them are not better; returns all, their errors, and the
@@ -210,9 +278,7 @@ fn search<M: BaseModel<f64> + ?Sized>(
     for cutoff in cutoffs(MIN_PERIODS / length, MAX_CUTOFF_RATIO * rate) {
         match trial(session, logs, &levels, (cutoff, rate), trials.last()) {
             Ok(found) => trials.push(found),
-            Err(error @ DataError::Signal { why: SignalError::NotUniform { .. }, .. }) => {
-                return Err(error);
-            }
+            Err(error) if is_uneven(&error) => return Err(error),
             Err(error) if is_undetermined(&error) => continue,
             Err(error) => return Err(error),
         }
@@ -369,9 +435,4 @@ fn usable<'t>(
 fn mean_square(factor: &QrFactor) -> f64 {
     let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
     squares / factor.rows().max(1) as f64
-}
-
-/// A rate in Hz with three digits.
-fn nice(rate: f64) -> f64 {
-    format!("{rate:.2e}").parse().unwrap_or(rate)
 }
