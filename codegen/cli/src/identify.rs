@@ -18,8 +18,8 @@ use regen_runtime::Friction;
 use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, WeightingArg};
 use crate::exit::Failure;
 use crate::{
-    choice, delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe, outputs,
-    parameters, physical, report, suspect, table, terminal, write,
+    choice, delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe,
+    outputs, parameters, physical, report, suspect, table, terminal, write,
 };
 
 /// The result of the command.

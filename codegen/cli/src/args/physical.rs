@@ -31,7 +31,12 @@ pub(crate) struct PhysicalArgs {
     /// Use the spec's nominal values as a prior: `weighted` or `weighted:PERCENT`,
     /// with standard deviations in percent of them [default 30], or `entropic` or
     /// `entropic:WEIGHT`, with the divergence of pseudo-inertias [default 1]
-    #[arg(long, value_name = "KIND", requires = "physical", hide_short_help = true)]
+    #[arg(
+        long,
+        value_name = "KIND",
+        requires = "physical",
+        hide_short_help = true
+    )]
     pub(crate) prior: Option<PriorArg>,
     /// A parameter's value, SI: LABEL=VALUE, such as 'm(3)=6.05'
     #[arg(long, value_name = "LABEL=VALUE", requires = "physical", value_parser = value, hide_short_help = true)]
@@ -43,7 +48,12 @@ pub(crate) struct PhysicalArgs {
     #[arg(long, value_name = "LABELS=VALUE", requires = "physical", value_parser = value, hide_short_help = true)]
     pub(crate) total: Vec<(String, f64)>,
     /// Bodies that are the same, in frames that correspond: 1,4,6
-    #[arg(long, value_name = "BODIES", requires = "physical", hide_short_help = true)]
+    #[arg(
+        long,
+        value_name = "BODIES",
+        requires = "physical",
+        hide_short_help = true
+    )]
     pub(crate) identical: Vec<String>,
     /// The number of random draws for the intervals of constrained values, each of
     /// which takes a small fit; at least 5, or 0 for no intervals

@@ -124,29 +124,28 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let mut stretch = Stretch::default();
         let mut place = 0;
         let mut other = LogRow::default();
-        log
-            .rows(&mut |_| {}, &mut |row, follows| {
-                let within = place < (place * count / rows.max(1)) * rows / count + length;
-                place += 1;
-                let (row, follows) = match &mut replaced {
-                    _ if !within => (None, false),
-                    None => (Some(row), follows),
-                    Some(replaced) => {
-                        other.clone_from(row);
-                        match replaced.replace(&log.file.layout, &mut other)? {
-                            None => (None, false),
-                            Some(goes_on) => (Some(&other), follows && goes_on),
-                        }
+        log.rows(&mut |_| {}, &mut |row, follows| {
+            let within = place < (place * count / rows.max(1)) * rows / count + length;
+            place += 1;
+            let (row, follows) = match &mut replaced {
+                _ if !within => (None, false),
+                None => (Some(row), follows),
+                Some(replaced) => {
+                    other.clone_from(row);
+                    match replaced.replace(&log.file.layout, &mut other)? {
+                        None => (None, false),
+                        Some(goes_on) => (Some(&other), follows && goes_on),
                     }
-                };
-                if !follows {
-                    self.stretch(log, &mut stretch, &mut completions, out)?;
                 }
-                if let Some(row) = row {
-                    stretch.push(row);
-                }
-                Ok(())
-            })?;
+            };
+            if !follows {
+                self.stretch(log, &mut stretch, &mut completions, out)?;
+            }
+            if let Some(row) = row {
+                stretch.push(row);
+            }
+            Ok(())
+        })?;
         self.stretch(log, &mut stretch, &mut completions, out)
     }
 

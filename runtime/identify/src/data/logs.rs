@@ -360,16 +360,13 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                     file: report.file.clone(),
                     why,
                 })?;
-            log.rows(
-                &mut |_| {},
-                &mut |row, follows| match &mut average {
-                    Some(average) => {
-                        average.push(&row.values);
-                        Ok(())
-                    }
-                    None => window.take(row, None, follows),
-                },
-            )?;
+            log.rows(&mut |_| {}, &mut |row, follows| match &mut average {
+                Some(average) => {
+                    average.push(&row.values);
+                    Ok(())
+                }
+                None => window.take(row, None, follows),
+            })?;
             if let Some(average) = average {
                 let means = average.finish().map_err(|why| DataError::ColumnLayout {
                     file: report.file.clone(),

@@ -55,7 +55,9 @@ impl NoiseLevels {
     /// The density of the noise around a frequency in Hz, unit^2 s; that of the next octave with
     /// noise where it cannot be seen.
     pub(crate) fn density(&self, frequency: f64) -> f64 {
-        let octave = libm::log2(MIDDLE / (frequency * self.step)).floor().max(0.0);
+        let octave = libm::log2(MIDDLE / (frequency * self.step))
+            .floor()
+            .max(0.0);
         #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
         let place = (octave as usize).min(self.octaves.len().saturating_sub(1));
         self.octaves.get(place).copied().unwrap_or(0.0)

@@ -179,7 +179,10 @@ fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {
         let channels = rows.first().map_or(0, |row| row.values.len());
         let mut columns = Vec::with_capacity(channels);
         for entry in 0..channels {
-            let values: Vec<f64> = rows.iter().filter_map(|r| r.values.get(entry).copied()).collect();
+            let values: Vec<f64> = rows
+                .iter()
+                .filter_map(|r| r.values.get(entry).copied())
+                .collect();
             columns.push(if entry == 0 {
                 values
             } else {

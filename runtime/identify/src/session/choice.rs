@@ -27,6 +27,9 @@ const DECADE: [f64; 8] = [1.0, 1.3, 1.8, 2.4, 3.2, 4.2, 5.6, 7.5];
 const MIN_PERIODS: f64 = 10.0;
 /// The highest cutoff over the rate of the rows.
 const MAX_CUTOFF_RATIO: f64 = 0.3;
+/// An effort with fewer equations than so many times the parameters is fitted with its noise, which then
+/// seems smaller than it is.
+const EQUATIONS_PER_PARAMETER: usize = 3;
 /// From one cutoff to the next, the bias by noise of the motion grows by about this factor: noise of
 /// accelerations has a power with the fifth power of the cutoff.
 const GROWTH: f64 = 5.0;
@@ -48,6 +51,8 @@ const BETTER: f64 = 0.03;
 /// from few independent samples. The highest of them is chosen, with which fewer rows are lost at the
 /// ends of the log and more independent samples remain.
 const AS_GOOD: f64 = 1.7;
+/// It is at most so many times the lowest of them: far above the motion a log has nothing more to tell.
+const MOST_ABOVE: f64 = 4.0;
 /// So many cutoffs in a row that are not better than the best one end the search.
 const PATIENCE: usize = 8;
 
@@ -115,8 +120,9 @@ struct Trial {
     covariance: Vec<f64>,
     bias: Vec<f64>,
     factor: QrFactor,
-    /// Whether the log is too short for the memory of the filter, so that the covariance is too small.
-    is_short: bool,
+    /// How far the covariance can be trusted: 0 where an effort has too few equations, 1 where the log is
+    /// too short for the memory of the residuals, else 2.
+    trust: u8,
 }
 
 /// The mean squares of the errors of the predicted efforts with one cutoff, in weighted units.
@@ -181,7 +187,11 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
     };
     let efforts = mean_square(&trial.factor);
     let percent = |square: f64| 100.0 * (square / efforts).sqrt();
-    let candidates = trials.iter().zip(&errors).map(|(trial, own)| Candidate {
+    let finite = trials
+        .iter()
+        .zip(&errors)
+        .filter(|(_, own)| own.sum().is_finite());
+    let candidates = finite.map(|(trial, own)| Candidate {
         cutoff: trial.cutoff,
         deviation: percent(own.variance),
         bias: percent(own.bias),
@@ -270,7 +280,10 @@ fn search<M: BaseModel<f64> + ?Sized>(
 ) -> Result<(Vec<Trial>, Vec<Errors>, usize), DataError> {
     let levels = logs.noise_levels();
     let durations = logs.durations();
-    let rate = durations.iter().map(|(step, _)| 1.0 / step).fold(f64::INFINITY, f64::min);
+    let rate = durations
+        .iter()
+        .map(|(step, _)| 1.0 / step)
+        .fold(f64::INFINITY, f64::min);
     let length: f64 = durations.iter().map(|(_, length)| length).sum();
     let mut trials: Vec<Trial> = Vec::new();
     let mut errors = Vec::new();
@@ -303,7 +316,8 @@ fn cutoffs(least: f64, most: f64) -> Vec<f64> {
     });
     let all = decades.filter(|c| (least..=most).contains(c));
     // decimals, as they are printed
-    all.map(|c| format!("{c:.6}").parse().unwrap_or(c)).collect()
+    all.map(|c| format!("{c:.6}").parse().unwrap_or(c))
+        .collect()
 }
 
 /// The estimate with a filter.
@@ -336,6 +350,12 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         with_linear_friction(session.model, &options, &mut noisy)?
     };
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
+    let least = EQUATIONS_PER_PARAMETER * found.estimate.values.len();
+    let few = found
+        .estimate
+        .efforts
+        .iter()
+        .any(|effort| effort.rows < least);
     let negligible = lower.filter(|lower| {
         let mut pairs = lower.bias.iter().enumerate();
         pairs.all(|(k, bias)| GROWTH * bias.abs() < NEGLIGIBLE * found.deviations.sigma(k))
@@ -356,7 +376,11 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         cutoff,
         values: pairs.map(|(x, bias)| x - bias).collect(),
         bias,
-        is_short: found.deviations.short(),
+        trust: match (few, found.deviations.short()) {
+            (true, _) => 0,
+            (_, true) => 1,
+            _ => 2,
+        },
         covariance: found.deviations.covariance,
         factor: found.factor,
     })
@@ -376,7 +400,10 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
         let columns: Vec<Vec<f64>> = columns.collect();
         let mut sum = 0.0;
         for k in 0..n {
-            let row: Vec<f64> = columns.iter().map(|c| c.get(k).copied().unwrap_or(0.0)).collect();
+            let row: Vec<f64> = columns
+                .iter()
+                .map(|c| c.get(k).copied().unwrap_or(0.0))
+                .collect();
             sum += factor.times_r(&row).get(k).copied().unwrap_or(0.0);
         }
         sum / rows
@@ -388,7 +415,7 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
             bias: square(&trial.bias),
             apart: 0.0,
         };
-        for (lower, errors) in trials.iter().zip(&all).filter(|(t, _)| !t.is_short) {
+        for (lower, errors) in trials.iter().zip(&all).filter(|(t, _)| t.trust > 0) {
             let difference: Vec<f64> = (trial.values.iter().zip(&lower.values))
                 .map(|(a, b)| a - b)
                 .collect();
@@ -411,23 +438,33 @@ fn lowest(trials: &[Trial], errors: &[Errors]) -> usize {
     best.map_or(0, |(k, _)| k)
 }
 
-/// The index of the highest cutoff that is as good as the best.
+/// The index of the highest cutoff that is as good as the best, at most two octaves above the lowest.
 fn highest(trials: &[Trial], errors: &[Errors]) -> usize {
-    let least = usable(trials, errors).map(|(_, own)| own).fold(f64::INFINITY, f64::min);
-    let good = usable(trials, errors).filter(|(_, own)| *own <= AS_GOOD * least);
-    good.map(|(k, _)| k).last().unwrap_or(0)
+    let least = usable(trials, errors)
+        .map(|(_, own)| own)
+        .fold(f64::INFINITY, f64::min);
+    let most = trials.iter().map(|own| own.trust).max();
+    let pairs = trials.iter().zip(errors).enumerate();
+    // of a short log the lower cutoffs count too: the memory of its residuals is that of the model's errors
+    let good = pairs.filter(|(_, (trial, own))| {
+        trial.trust >= most.unwrap_or(0).min(1) && own.sum() <= AS_GOOD * least
+    });
+    let good: Vec<usize> = good.map(|(k, _)| k).collect();
+    let cutoff = |k: usize| trials.get(k).map_or(f64::NAN, |own| own.cutoff);
+    let most = good.first().map_or(f64::NAN, |k| MOST_ABOVE * cutoff(*k));
+    let chosen = good.into_iter().filter(|k| cutoff(*k) <= most).next_back();
+    chosen.unwrap_or(0)
 }
 
-/// The indices and the errors of the trials that can be chosen: those with enough independent samples,
-/// or all if none has.
+/// The indices and the errors of the trials whose covariance can be trusted most.
 fn usable<'t>(
     trials: &'t [Trial],
     errors: &'t [Errors],
 ) -> impl Iterator<Item = (usize, f64)> + 't {
-    let all_short = trials.iter().all(|own| own.is_short);
+    let most = trials.iter().map(|own| own.trust).max();
     let pairs = trials.iter().zip(errors).enumerate();
     pairs
-        .filter(move |(_, (trial, own))| (all_short || !trial.is_short) && own.sum().is_finite())
+        .filter(move |(_, (trial, own))| Some(trial.trust) == most && own.sum().is_finite())
         .map(|(k, (_, own))| (k, own.sum()))
 }
 

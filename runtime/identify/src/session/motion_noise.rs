@@ -150,7 +150,10 @@ pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
     }
     let kept = logs.in_memory(MAX_ROWS)?;
     let steps = kept.durations();
-    let step = steps.iter().map(|(step, _)| *step).fold(f64::INFINITY, f64::min);
+    let step = steps
+        .iter()
+        .map(|(step, _)| *step)
+        .fold(f64::INFINITY, f64::min);
     let method = logs.settings().method;
     let (cutoff, [every, decimation]) = match method {
         Method::Butterworth { cutoff, .. } => (cutoff, rates(1.0 / step, cutoff)),
@@ -174,7 +177,10 @@ pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
 /// these to one of its equations.
 pub(super) fn rates(rate: f64, cutoff: f64) -> [usize; 2] {
     let every = whole(rate / (ROWS_PER_CUTOFF * cutoff));
-    [every, whole(rate / (every as f64 * EQUATIONS_PER_CUTOFF * cutoff))]
+    [
+        every,
+        whole(rate / (every as f64 * EQUATIONS_PER_CUTOFF * cutoff)),
+    ]
 }
 
 /// The whole number below a ratio, at least 1.

@@ -159,9 +159,14 @@ fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
     let Some(bias) = found? else {
         return Ok(None);
     };
-    let (increased, words) = identified.deviations.with_sampling(core::slice::from_ref(&bias));
+    let (increased, words) = identified
+        .deviations
+        .with_sampling(core::slice::from_ref(&bias));
     identified.deviations = increased;
-    identified.blocks = identified.blocks.clone().with_change(&identified.factor, &bias);
+    identified.blocks = identified
+        .blocks
+        .clone()
+        .with_change(&identified.factor, &bias);
     let change: Vec<f64> = bias.iter().map(|x| -x).collect();
     identified.factor = identified.factor.moved_by(&change);
     for (value, change) in identified.estimate.values.iter_mut().zip(&change) {

@@ -99,7 +99,10 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
             share(own.bias)
         )
     };
-    let place = choice.candidates.iter().position(|own| own.cutoff == choice.cutoff);
+    let place = choice
+        .candidates
+        .iter()
+        .position(|own| own.cutoff == choice.cutoff);
     let last = choice.candidates.len().saturating_sub(1);
     let first = (place != Some(0)).then_some(0);
     let mut shown: Vec<usize> = first.into_iter().chain(place).collect();
