@@ -33,6 +33,7 @@ mod run;
 mod sample;
 mod settings;
 mod shift;
+mod sketch;
 mod spikes;
 mod standstill;
 mod start;
