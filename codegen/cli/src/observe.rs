@@ -250,6 +250,14 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
                 report.file,
             ));
         }
+        if let Some((other, part)) = &report.repeats {
+            terminal::note(&format!(
+                "warning: {}: {} % of its rows are rows of {other} too: as they count twice, deviations \
+                 are too small; leave one of them out",
+                report.file,
+                figure_of(3, 100.0 * part)
+            ));
+        }
         if let Some(text) = said_of_gaps(report) {
             terminal::note(&text);
         }
@@ -278,13 +286,14 @@ fn said_of_gaps(report: &FileReport) -> Option<String> {
     if count > 0 {
         let part = 100.0 * rows as f64 / (report.rows + rows) as f64;
         text += &format!(
-            "{} of up to {largest} row{} {} bridged: {rows} row{} ({} %) are interpolated, and the \
+            "{} of up to {largest} row{} {} bridged: {rows} row{} ({} %) {} interpolated, and the \
              equations within left out",
             parts(count, s(count)),
             s(largest),
             if count == 1 { "was" } else { "were" },
             s(rows),
             figure_of(2, part),
+            if rows == 1 { "is" } else { "are" },
         );
     }
     match (count, cuts) {

@@ -141,7 +141,7 @@ fn a_jump_of_the_clock_is_found_with_its_row() {
     for start in places() {
         for jump in [-0.4, 0.4] {
             let set = log.each("t", |row, t| if row < start { t } else { t + jump });
-            let run = identify(&dir, &set.text(), &[]).ended(3);
+            let run = identify(&dir, &set.text(), &["--problems", "fail"]).ended(3);
             let told = if jump < 0.0 {
                 format!("row {}: the clock jumps back by 0.3975", start + 2)
             } else {
@@ -151,6 +151,96 @@ fn a_jump_of_the_clock_is_found_with_its_row() {
             assert!(run.err.contains(&told), "{told}\n{}", run.err);
         }
     }
+}
+
+/// The rows of `stretches` with these columns as in the row before the stretch.
+fn late(log: &Log, columns: &[&str], stretches: &[(usize, usize)]) -> Log {
+    columns.iter().fold(log.clone(), |late, name| {
+        late.each(name, |row, x| {
+            let held = stretches
+                .iter()
+                .find(|(first, rows)| (*first..first + rows).contains(&row));
+            held.map_or(x, |(first, _)| log.value(name, first - 1))
+        })
+    })
+}
+
+#[test]
+fn short_dropouts_and_gaps_are_bridged_and_long_ones_divide_the_log() {
+    let (dir, log) = bench("dropouts");
+    let all = ["q1", "q3", "tau_q1", "tau_q3"];
+    let stretches: Vec<(usize, usize)> = (0..12).map(|k| (90 + 151 * k, 7 + k % 9)).collect();
+    let rows: usize = stretches.iter().map(|own| own.1).sum();
+    let json = |log: &Log, more: &[&str]| {
+        let more = [&["--format", "json"], more].concat();
+        let run = identify(&dir, &log.text(), &more).ended(0);
+        (run.json(), run.err)
+    };
+    let (whole, _) = json(&log, &[]);
+    let repeated = late(&log, &all, &stretches);
+    let mut thinned = log.clone();
+    let is_kept = |row: usize| {
+        let held = |own: &&(usize, usize)| (own.0..own.0 + own.1).contains(&row);
+        stretches.iter().find(held).is_none()
+    };
+    let mut row = 0;
+    thinned.0.retain(|_| {
+        row += 1;
+        row < 2 || is_kept(row - 2)
+    });
+    for (changed, name) in [(&repeated, "repeated"), (&thinned, "thinned")] {
+        let (found, told) = json(changed, &[]);
+        let line = format!(
+            "12 gaps or dropouts of up to 15 rows were bridged: {rows} rows (6.1 %) are interpolated"
+        );
+        assert!(told.contains(&line), "{name}: {told}");
+        let gaps = &found["files"][0]["gaps"];
+        assert_eq!(
+            (&gaps["bridged"], &gaps["rows"]),
+            (&12.into(), &rows.into())
+        );
+        assert_eq!(found["files"][0]["dropped"], 0);
+        let error = |json: &serde_json::Value| json["relative_absolute"].as_f64().unwrap();
+        assert!(
+            error(&found) < 2.0 * error(&whole),
+            "{name}: {}",
+            error(&found)
+        );
+        let pairs = found["parameters"].as_array().unwrap().iter();
+        for (own, other) in pairs.zip(whole["parameters"].as_array().unwrap()) {
+            let value = |json: &serde_json::Value| json["value"].as_f64().unwrap();
+            let off = (value(own) - value(other)) / own["sigma"].as_f64().unwrap();
+            assert!(off.abs() < 3.0, "{name}: {own} {other}");
+        }
+    }
+    // no option is needed for a long one either, which is told with its rows
+    let long = late(&repeated, &all, &[(1000, 100)]);
+    let (found, told) = json(&long, &[]);
+    assert_eq!(found["files"][0]["gaps"]["cuts"], 1);
+    assert_eq!(found["files"][0]["dropped"], 100);
+    assert!(
+        told.contains("1 more, longer than the 0.0500 s that the filter bridges"),
+        "{told}"
+    );
+    assert!(
+        told.contains("rows 1002 to 1101: columns `q1`, `q3`"),
+        "{told}"
+    );
+    let run = identify(&dir, &repeated.text(), &["--problems", "fail"]).ended(3);
+    assert!(
+        run.err.contains("rows 92 to 98: columns `q1`"),
+        "{}",
+        run.err
+    );
+}
+
+#[test]
+fn rows_that_two_logs_share_are_told() {
+    let (dir, log) = bench("same_rows");
+    fs::write(dir.join("copy.csv"), log.text()).unwrap();
+    let run = identify(&dir, &log.text(), &["copy.csv"]).ended(0);
+    let told = "copy.csv: 100 % of its rows are rows of log.csv too";
+    assert!(run.err.contains(told), "{}", run.err);
 }
 
 #[test]

@@ -99,7 +99,11 @@ const LOGS: [Mistake; 23] = [
     ("a row cut short", |l| l[800] = l[800][..20].to_owned(), &[]),
     ("times out of order", |l| l.swap(30, 31), &[]),
     ("the same time twice", |l| l[31] = l[30].clone(), &[]),
-    ("a gap", |l| drop(l.drain(100..160)), &[]),
+    (
+        "a gap",
+        |l| drop(l.drain(100..160)),
+        &["--problems", "fail"],
+    ),
     (
         "the clock jumps back",
         |l| (400..420).for_each(|k| cell(l, k, 0, "0.5")),

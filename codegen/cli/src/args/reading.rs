@@ -62,7 +62,8 @@ pub(crate) struct ReadingArgs {
     /// measured than needed: NAME=VALUE
     #[arg(long, value_name = "NAME=VALUE", value_parser = named, hide_short_help = true)]
     pub(crate) deviation: Vec<(String, f64)>,
-    /// The treatment of faulty rows [default: fail]
+    /// The treatment of faulty rows [default: fail, but short gaps and repeated rows
+    /// are bridged, and long ones divide the log]
     #[arg(long, value_enum)]
     pub(crate) problems: Option<ProblemsArg>,
     /// The treatment of equations of joints at rest, where friction is static: whose
@@ -115,7 +116,7 @@ pub(crate) enum PayloadArg {
 /// The treatment of faulty rows
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProblemsArg {
-    /// List them and stop
+    /// List them and stop, also at gaps and repeated rows
     Fail,
     /// Leave them out; the log is cut there
     Drop,

@@ -145,7 +145,7 @@ fn a_log_of_stretches_that_are_shorter_than_the_filter_is_named_as_the_cause() {
     let text = said(report(0.65, 30));
     assert!(
         text.contains("a.csv: gaps, dropouts or rows that are left out divide it into stretches")
-            && text.contains("at most 0.65 s, and the filter needs 1.80 s"),
+            && text.contains("at most 0.650 s, and the filter needs 1.80 s"),
         "{text}"
     );
     // a short log, and one that is only divided, have another cause

@@ -78,9 +78,14 @@ fn clock(clock: &Clock) -> String {
         (ClockSource::Velocities, _) => "positions and their velocities".to_owned(),
         (ClockSource::Unknown, _) => "an unknown clock: times are counted in rows".to_owned(),
     };
+    // the time that passed is not known where the clock was set back
+    let span = match clock.backwards {
+        0 => figure_of(4, clock.span[1] - clock.span[0]) + " s",
+        1 => "goes back at 1 row;".to_owned(),
+        rows => format!("goes back at {rows} rows;"),
+    };
     format!(
-        "{} s at {} Hz from {source}; jitter {} ms, {} gaps",
-        figure_of(4, clock.span[1] - clock.span[0]),
+        "{span} at {} Hz from {source}; jitter {} ms, {} gaps",
         figure_of(4, clock.rate),
         three(1e3 * clock.jitter),
         clock.gaps

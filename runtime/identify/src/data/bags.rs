@@ -20,6 +20,33 @@ pub(super) fn tables(
     Ok(log.starting_at(start).tables().to_vec())
 }
 
+/// The titles of a table; those of columns without any number say so, and name no quantity.
+pub(super) fn titles(table: &Table) -> Result<Vec<String>, DataError> {
+    let titles = table.titles();
+    let mut empty: Vec<usize> = (0..titles.len()).collect();
+    let mut rows = table.rows(&empty).map_err(|error| failed(&error))?;
+    // nearly always the first message has all numbers
+    while !empty.is_empty() {
+        let Some(row) = rows.next_row().map_err(|error| failed(&error))? else {
+            break;
+        };
+        let is_number = |k: &usize| {
+            row.values
+                .get(*k)
+                .is_some_and(|x| x.is_some_and(f64::is_finite))
+        };
+        empty.retain(|k| !is_number(k));
+    }
+    let named = titles
+        .iter()
+        .enumerate()
+        .map(|(k, title)| match empty.contains(&k) {
+            true => format!("{title} (without a number)"),
+            false => title.clone(),
+        });
+    Ok(named.collect())
+}
+
 fn failed(error: &BagError) -> DataError {
     let (file, why) = (error.file().display().to_string(), error.reason());
     match error {

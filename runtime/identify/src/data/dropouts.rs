@@ -443,7 +443,10 @@ enum Evidence {
 
 impl DropoutFinder {
     fn evidence(&self, judged: &Judged, efforts: &core::ops::Range<usize>) -> Evidence {
-        if !judged.moved.is_empty() {
+        // an effort has a step where its joint comes to rest, and another one where it starts again
+        let with_motion = judged.dropout.entries.iter().any(|k| !efforts.contains(k));
+        let counts = |entry: &usize| !(with_motion && efforts.contains(entry));
+        if judged.moved.iter().any(counts) {
             return Evidence::Enough;
         }
         let signal = |entry: usize| self.signals.get(entry - 1);
@@ -454,9 +457,12 @@ impl DropoutFinder {
             let expected = self.rows as f64 * (exponent * judged.rows as f64).exp();
             !entries.is_empty() && expected < MAX_EXPECTED
         };
-        if is_rare(&judged.moved_steps) {
+        let steps: Vec<usize> = judged.moved_steps.iter().copied().filter(counts).collect();
+        if is_rare(&steps) {
             return Evidence::Enough;
         }
+        let sharp = judged.sharp.iter().copied();
+        let sharp: Vec<(usize, f64)> = sharp.filter(|(entry, _)| counts(entry)).collect();
         let is_limited = |(entry, value): &(usize, f64)| {
             let range = signal(*entry).and_then(|own| own.range);
             let is_limit = range.is_some_and(|(low, high)| *value <= low || *value >= high);
@@ -467,7 +473,7 @@ impl DropoutFinder {
             own.map(|(entry, _)| *entry).collect::<Vec<usize>>()
         };
         let are_rare = |limited: bool| {
-            let both = [&judged.noisy, &judged.sharp];
+            let both = [&judged.noisy, &sharp];
             both.into_iter().any(|all| is_rare(&entries(all, limited)))
         };
         if are_rare(false) {
@@ -676,6 +682,14 @@ mod tests {
         // efforts in few steps, which often repeat
         let coarse = |row: usize| noisy(row).map(|x| (x * 20.0).round() / 20.0);
         assert_eq!(found(1400, coarse), []);
+        // a joint that stops and starts with its friction, without noise
+        let friction = |row: usize| {
+            let x = moved(row);
+            let rests = moved(row + 1) - x <= 0.0 || x - moved(row.max(1) - 1) <= 0.0;
+            let f = if rests { 0.7 } else { 0.2 };
+            [x, -x, 3.0 * x.sin() + f, x.cos() - f]
+        };
+        assert_eq!(found(1400, friction), []);
         // everything as in the first row, for long
         let waits = |row: usize| swinging(row.saturating_sub(300));
         assert_eq!(

@@ -127,14 +127,16 @@ impl Opening<'_> {
         #[cfg(feature = "bags")]
         if regen_bags::is_bag(path) {
             let tables = super::bags::tables(path, self.topic, &mut self.start)?;
-            let table = |own: regen_bags::Table| Table {
-                path: path.to_path_buf(),
-                titles: own.titles().to_vec(),
-                named: true,
-                unended_length: None,
-                kind: Kind::Bag(own),
+            let table = |own: regen_bags::Table| {
+                Ok(Table {
+                    path: path.to_path_buf(),
+                    titles: super::bags::titles(&own)?,
+                    named: true,
+                    unended_length: None,
+                    kind: Kind::Bag(own),
+                })
             };
-            return Ok(tables.into_iter().map(table).collect());
+            return tables.into_iter().map(table).collect();
         }
         #[cfg(not(feature = "bags"))]
         if is_bag(path) {

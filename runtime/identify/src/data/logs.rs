@@ -10,6 +10,7 @@ use super::row_cache::{MAX_NUMBERS, RowCache};
 use super::run::Run;
 use super::settings::Settings;
 use super::shift;
+use super::sketch::Sketch;
 use super::standstill::{self, Differences, Encoder};
 use super::stretch::Stretch;
 use super::unmeasured::Unmeasured;
@@ -43,6 +44,8 @@ pub struct FileReport {
     /// The first and the last time of the log, s, where the times that are asked for leave out none
     /// of its rows.
     pub uncut: Option<(f64, f64)>,
+    /// An earlier run that has rows of this one too, and the part of this one's rows that it has.
+    pub repeats: Option<(String, f64)>,
     /// The gaps and dropouts that were bridged.
     pub bridged: Bridged,
     /// The longest time without a gap or a row that is left out, s.
@@ -160,6 +163,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let policies = settings.policies();
         let names: Vec<String> = info.coordinates.iter().map(|n| (*n).to_owned()).collect();
         let mut room = MAX_NUMBERS;
+        let mut sketches: Vec<Sketch> = Vec::with_capacity(runs.len());
         let mut files = Vec::with_capacity(runs.len());
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
@@ -189,6 +193,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let velocities: Vec<Option<usize>> =
                 both.map(|(v, a)| v.filter(|_| a.is_none())).collect();
             let mut of_velocities = differences.clone();
+            let mut sketch = Sketch::default();
             let mut was_bridged = false;
             let (mut start, mut longest, mut segments) = (0.0, 0.0_f64, 0_usize);
             let bridged = file.rows(
@@ -207,6 +212,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                         return Ok(());
                     }
                     rows += 1;
+                    sketch.push(row.values.get(1..).unwrap_or_default());
                     let positions = &row.values[file.layout.positions()];
                     for (all, value) in differences.iter_mut().zip(positions) {
                         all.push(*value, follows);
@@ -251,7 +257,14 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let constant = file.layout.measured.iter().zip(&encoders);
             let constant = constant.filter(|(_, encoder)| encoder.still);
             let still = constant.filter_map(|(c, _)| info.coordinates.get(*c));
+            let earlier = sketches.iter().zip(&reports);
+            let repeats = earlier.filter_map(|(other, report): (&Sketch, &FileReport)| {
+                Some((report.file.clone(), sketch.part_in(other)?))
+            });
+            let repeats = repeats.max_by(|a, b| a.1.total_cmp(&b.1));
+            sketches.push(sketch);
             reports.push(FileReport {
+                repeats,
                 still: still.map(|name| (*name).to_owned()).collect(),
                 noisy: Vec::new(),
                 uncut: survey.uncut,
@@ -504,7 +517,7 @@ fn settling(file: &LogFile, survey: &Survey, settings: &Settings) -> f64 {
     } else {
         settings.method.of_states(step).smoothing()
     };
-    let rows = settles(of_states) + settles(settings.method.smoothing());
+    let rows = settles(of_states).saturating_add(settles(settings.method.smoothing()));
     2.0 * step * rows as f64
 }
 

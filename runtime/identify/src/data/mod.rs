@@ -34,6 +34,7 @@ mod run;
 mod sample;
 mod settings;
 mod shift;
+mod sketch;
 mod spikes;
 mod standstill;
 mod start;

@@ -50,7 +50,8 @@ pub enum Fault {
         /// The time, s.
         time: f64,
     },
-    /// The time of the row is far earlier than that of the row before: the clock was set back.
+    /// The time of the row is far earlier than that of the row before: the clock was set back, and a
+    /// segment begins.
     ClockBack {
         /// By how much time goes back, s.
         step: f64,
@@ -133,10 +134,7 @@ impl fmt::Display for Problem {
             }
             Fault::Duplicate { time } => write!(f, "time {time} s is that of the row before"),
             Fault::Unsorted { time } => write!(f, "time {time} s is before the row before"),
-            Fault::ClockBack { step } => write!(
-                f,
-                "the clock jumps back by {step:.6} s; rows are of no use until it has caught up"
-            ),
+            Fault::ClockBack { step } => write!(f, "the clock jumps back by {step:.6} s"),
             Fault::Gap { step, usual } => {
                 write!(
                     f,
@@ -253,6 +251,8 @@ pub struct Problems {
     pub counts: Vec<(String, usize)>,
 }
 
+/// The kinds of faults that leave out no row.
+const WITHOUT_ROWS: [&str; 3] = ["gap", "uneven step", "clock set back"];
 /// The largest number of columns of a dropout that are named.
 const MAX_NAMED_COLUMNS: usize = 4;
 /// The largest number of problems that are listed one by one.
@@ -314,11 +314,10 @@ impl Problems {
     pub fn left_out(&self, policies: &Policies) -> Vec<(&str, usize)> {
         let counts = self.counts.iter().map(|(kind, n)| (kind.as_str(), *n));
         counts
-            // a gap leaves out no row
             .filter(|(kind, _)| {
                 let usable = USABLE_KINDS.contains(kind) || GAP_KINDS.contains(kind);
                 let used = policies.of(kind).uses_doubtful_rows() && usable;
-                *kind != "gap" && *kind != "uneven step" && !used
+                !WITHOUT_ROWS.contains(kind) && !used
             })
             .collect()
     }

@@ -60,6 +60,8 @@ pub(super) struct Resampler {
     step: f64,
     /// The time of the first row, s.
     start: Option<f64>,
+    /// The time of the last row, s.
+    last: Option<f64>,
     /// The number of the next time of the grid.
     next: u64,
     /// The last rows of the present segment: time and the other entries.
@@ -76,6 +78,7 @@ impl Resampler {
         Self {
             step: 1.0 / rate,
             start: None,
+            last: None,
             next: 0,
             recent: VecDeque::with_capacity(POINTS),
             lines: VecDeque::with_capacity(POINTS),
@@ -96,6 +99,10 @@ impl Resampler {
         let Some((&time, values)) = row.values.split_first() else {
             return Ok(());
         };
+        // where the clock was set back, the grid begins anew
+        if self.last.replace(time).is_some_and(|last| time < last) {
+            (self.start, self.next) = (None, 0);
+        }
         self.start.get_or_insert(time);
         if self.recent.len() == POINTS {
             self.recent.pop_front();

@@ -57,14 +57,12 @@ pub(super) struct RowChecker<'a> {
     segment_ended: bool,
     /// Whether a gap before the next row comes from a row that was already reported.
     gap_reported: bool,
-    /// The time, s, of the row before, in order or not, used or not.
-    previous_time: Option<f64>,
+    /// The time, s, of the row before that one.
+    time_before: Option<f64>,
     /// The line up to which rows are left out because an encoder is stuck.
     stuck_until: u64,
     /// Whether the rows just before the next one were left out because an encoder was stuck.
     rows_skipped: bool,
-    /// Whether the clock was set back and has not yet caught up.
-    clock_set_back: bool,
     /// For each effort, the number of consecutive rows so far at its smallest or largest value.
     rows_at_extreme: Vec<usize>,
     /// Which doubtful rows are used.
@@ -99,8 +97,7 @@ impl<'a> RowChecker<'a> {
             last_time: None,
             segment_ended: true,
             gap_reported: true,
-            previous_time: None,
-            clock_set_back: false,
+            time_before: None,
             stuck_until: 0,
             rows_skipped: false,
             rows_at_extreme: vec![0; layout.efforts],
@@ -151,29 +148,31 @@ impl<'a> RowChecker<'a> {
             problem(Problem::of(row.line, what));
         };
         let mut follows = true;
-        let previous_time = self.previous_time.replace(time).unwrap_or(time);
         if let Some(last_time) = self.last_time {
             let step = time - last_time;
             let longest_step = self.longest_step;
-            if step <= 0.0 {
-                // A row that is not after the last one in order is not used. If its time is behind
-                // by more than `longest_step`, the clock was set back; by less, the rows are
-                // unsorted; by nothing, the time is a duplicate. After the clock was set back,
-                // which is reported once, rows that go on regularly from there are not reported.
-                let follows_previous = (0.0..=longest_step).contains(&(time - previous_time));
-                if !(self.clock_set_back && follows_previous) {
-                    self.clock_set_back = -step > longest_step;
-                    report(if self.clock_set_back {
-                        Fault::ClockBack { step: -step }
-                    } else if step < 0.0 {
-                        Fault::Unsorted { time }
-                    } else {
-                        Fault::Duplicate { time }
-                    });
-                }
+            if step <= 0.0 && -step <= longest_step {
                 // the gap that this row leaves is not reported as well
                 self.gap_reported = true;
+                report(if step < 0.0 {
+                    Fault::Unsorted { time }
+                } else {
+                    Fault::Duplicate { time }
+                });
                 return;
+            }
+            if step <= 0.0 {
+                // Rows behind a clock that was set back are a segment of their own; but if they
+                // continue the rows before the last one, the time of that one alone is wrong.
+                follows = false;
+                let fault = Fault::ClockBack { step: -step };
+                let goes_on = self.time_before.is_some_and(|before| {
+                    (0.0..=UNEVEN_STEPS * self.survey.raw_step).contains(&(time - before))
+                });
+                match self.queue.back_mut() {
+                    Some(last) if goes_on && !last.follows => last.fault = Some(Box::new(fault)),
+                    _ => report(fault),
+                }
             }
             if step > longest_step {
                 follows = false;
@@ -233,8 +232,7 @@ impl<'a> RowChecker<'a> {
             follows = false;
         }
         self.gap_reported = false;
-        self.clock_set_back = false;
-        self.last_time = Some(time);
+        self.time_before = self.last_time.replace(time);
         if !self.missing.is_empty() {
             let mut own = row.clone();
             for entry in self.missing.iter().flat_map(|(_, entries)| entries.iter()) {

@@ -112,13 +112,8 @@ fn estimates_from_bridged_logs_are_as_near_to_the_whole_one_as_their_deviations_
         for (name, log) in cases {
             let (found, report) = identified(name, &log, &settings());
             let Bridged { count, cuts, .. } = report.bridged;
-            // a position near a turning point tells nothing of the rows without a change
-            let least = own.len()
-                - if rows == 3 || name == "positions.csv" {
-                    4
-                } else {
-                    0
-                };
+            // one signal near a turning point tells little of the rows without a change
+            let least = own.len() - if rows == 3 { 4 } else { 1 };
             assert!(
                 (least..=own.len()).contains(&count),
                 "{name} {rows}: {count}"
@@ -126,9 +121,11 @@ fn estimates_from_bridged_logs_are_as_near_to_the_whole_one_as_their_deviations_
             assert_eq!(cuts, 0, "{name} {rows}");
             assert_eq!(report.bridged.rows, rows * count, "{name} {rows}");
             assert_eq!(report.bridged.largest, rows, "{name} {rows}");
+            // deviations of this fit are those of white noise, and one dropout may be missed; as they
+            // are, the repeated rows put estimates tens of deviations off
             let distances = distances(&whole, &found);
             assert!(
-                distances.iter().all(|z| *z < 2.0),
+                distances.iter().all(|z| *z < 4.0),
                 "{name} {rows}: {distances:?}"
             );
             let ratios = (0..2).map(|k| found.sigma(k) / whole.sigma(k));
@@ -304,4 +301,50 @@ fn samples_in_a_gap_have_no_influence_on_filtered_equations() {
         // of 12 windows those that overlap a gap are lost
         assert!((8..=10).contains(&windows), "{windows}");
     }
+}
+
+/// The numbers of states of a log, in two runs of one clock or of two, or with one wrong time.
+#[test]
+fn a_clock_that_goes_back_divides_the_log_and_one_wrong_time_is_left_out() {
+    let settings = Settings {
+        policy: Policy::Drop,
+        ..settings()
+    };
+    let states = |name: &str, rows: &[[f64; 3]], settings: &Settings| {
+        let mut logs = Logs::open(&Pendulum, &[write(name, rows)], settings).unwrap();
+        let (mut count, mut breaks) = (0, 0);
+        logs.visit(&mut |row| {
+            count += 1;
+            breaks += usize::from(!row.follows);
+            Ok(())
+        })
+        .unwrap();
+        (count, breaks, logs.reports()[0].problems.counts.clone())
+    };
+    let half = &log()[..ROWS / 2];
+    let (once, ..) = states("once.csv", half, &settings);
+    let twice = [half, half].concat();
+    let told = vec![("clock set back".to_owned(), 1)];
+    assert_eq!(
+        states("twice.csv", &twice, &settings),
+        (2 * once, 2, told.clone())
+    );
+    let grid = Settings {
+        resample: Some(400.0),
+        ..settings.clone()
+    };
+    let (once, ..) = states("once.csv", half, &grid);
+    assert_eq!(states("twice.csv", &twice, &grid), (2 * once, 2, told));
+
+    let (whole, ..) = states("whole.csv", &log(), &settings);
+    let mut rogue = log();
+    rogue[1500][0] = 98765.0;
+    let (count, breaks, told) = states("rogue.csv", &rogue, &settings);
+    assert_eq!((count, breaks), (whole, 1), "{told:?}");
+    rogue[1500][0] = 0.0;
+    let (count, _, told) = states("zero.csv", &rogue, &settings);
+    assert!(
+        count > whole - 2000 && count < whole,
+        "{count} {whole} {told:?}"
+    );
 }
