@@ -408,6 +408,9 @@ impl JointFriction {
     }
 }
 
+/// A power far above those whose exponential is not 0.
+const LARGEST_POWER: f64 = 1e300;
+
 /// The columns of Stribeck's law and their slopes, with one power for all of them.
 fn stribeck(
     v: f64,
@@ -415,7 +418,8 @@ fn stribeck(
     [vs, delta]: [f64; SHAPES],
 ) -> ([f64; COEFFICIENTS], [[f64; COEFFICIENTS]; SHAPES]) {
     let ratio = (v / vs).abs();
-    let power = libm::pow(ratio, delta);
+    // finite, since the exponential of its negative is 0 and times infinity not a number
+    let power = libm::pow(ratio, delta).min(LARGEST_POWER);
     let e = libm::exp(-power);
     let by_vs = sign * e * delta * power;
     let by_delta = -sign * e * delta * times_logarithm(power, ratio);

@@ -243,14 +243,12 @@ fn models(
             first.copy_intervals_if_equal(&least);
         }
         if let Some(last) = found.last() {
-            let known = last
-                .intervals
-                .friction
-                .iter()
-                .flatten()
-                .any(Option::is_some);
-            let filtered = !session.reading.method.smoothing().is_none();
-            if let Some(text) = results::filtered_friction(&last.friction, known, filtered) {
+            let known = last.intervals.friction.iter().flatten();
+            let known = known.flatten().next().is_some();
+            let smoothing = session.reading.method.smoothing();
+            let warning =
+                results::coarse_friction(&last.friction, known, smoothing, &start.reports);
+            if let Some(text) = warning {
                 terminal::note(&text);
             }
         }

@@ -168,7 +168,7 @@ fn least_squares_beside_nonlinear_friction_has_the_deviations_of_plain_least_squ
 }
 
 #[test]
-fn intervals_of_nonlinear_friction_behind_a_filter_come_with_a_warning() {
+fn intervals_of_nonlinear_friction_from_rows_far_apart_come_with_a_warning() {
     let dir = scratch("intervals_friction");
     pendulum(&dir, "atan");
     let warned = |options: &str| {
@@ -177,10 +177,37 @@ fn intervals_of_nonlinear_friction_behind_a_filter_come_with_a_warning() {
         let ended = regen(&dir, &words).ended(0);
         ended
             .err
-            .contains("nonlinear friction (q1) are of the noise alone")
+            .contains("nonlinear friction (q1) are likely to be too small")
     };
-    assert!(warned("--butterworth 4,5 --draws 6"));
-    // without a filter, or without intervals, there is nothing to warn of
-    assert!(!warned("--draws 6"));
-    assert!(!warned("--butterworth 4,5 --draws 0"));
+    assert!(warned("--butterworth 4,20 --draws 6"));
+    assert!(!warned("--butterworth 4,5 --draws 6"));
+    // without intervals there is nothing to warn of
+    assert!(!warned("--butterworth 4,20 --draws 0"));
+}
+
+/// A filter hides how a joint turns at its reversals, which no residual shows: the intervals are wider than
+/// those of the noise.
+#[test]
+fn intervals_of_nonlinear_friction_contain_what_the_filter_hides() {
+    let dir = scratch("intervals_reversals");
+    let spec = "\
+name: arm
+gravity: [0, 0, -9.81]
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, dh: {alpha: pi/2}, body: a, actuated: true, friction: stribeck,
+         offset: true, nominal: {Fc: 2, Fs: 3, vs: 0.1, delta: 1.5, Fv: 1.5, Fo: 0.1}}
+bodies:
+  a: {mass: 4, com: [0.3, 0, 0], inertia: [0.02, 0, 0, 0.1, 0, 0.1]}
+";
+    fs::write(dir.join("arm.yaml"), spec).unwrap();
+    let motion = r#"{"format": "regen-trajectory", "robot": "arm", "coordinates": ["q1"],
+        "base_frequency": 0.2, "harmonics": 3, "offset": [0.3],
+        "cosine": [[0.6, -0.3, 0.1]], "sine": [[0.2, 0.3, -0.1]]}"#;
+    fs::write(dir.join("motion.json"), motion).unwrap();
+    let line = "rehearse arm.yaml --trajectory motion.json --friction --noise 1e-5,0.05 --bandwidth 10 \
+                --step 0.001 --duration 10 --butterworth 4,8 --seeds 2 --draws 40 --score 100";
+    let words: Vec<&str> = line.split_whitespace().collect();
+    regen(&dir, &words).ended(0);
 }

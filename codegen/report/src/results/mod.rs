@@ -32,7 +32,7 @@ pub use excitation::{Excited, excited_text};
 pub use explanation::{ExplanationJson, explanation, explanation_text};
 pub use identification::{
     EffortSummary, Identification, Instruments, LogFile, ModelErrors, ReductionStep, Rounds,
-    Search, Simulated, Summary, Suspected, corrected_delays_text, filter_text, filtered_friction,
+    Search, Simulated, Summary, Suspected, coarse_friction, corrected_delays_text, filter_text,
     identification_text, noisy_accelerations, reduction_steps, resting, stem, too_few, too_short,
     unexplained,
 };

@@ -152,7 +152,9 @@ impl fmt::Display for Problem {
                     .collect::<Vec<_>>()
                     .join(", ");
                 if let Some(more @ 1..) = columns.len().checked_sub(MAX_NAMED_COLUMNS) {
-                    all += &format!(" and {more} more");
+                    all.push_str(" and ");
+                    all.push_str(&more.to_string());
+                    all.push_str(" more");
                 }
                 let s = if columns.len() == 1 { "" } else { "s" };
                 write!(f, "column{s} {all} as in the row before: a dropout")

@@ -162,7 +162,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
 }
 
 /// The seed of added noise: the same log gives the same result on every machine.
-const SEED: u64 = 0x6e6f_6973_65;
+const SEED: u64 = 0x006e_6f69_7365;
 
 /// One of `every` rows of a log, behind a low-pass filter.
 fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {

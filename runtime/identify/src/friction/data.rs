@@ -1,6 +1,6 @@
 //! The equations and joint velocities of a log, in memory, for the fit of nonlinear friction.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use super::columns::FrictionColumns;
 use super::reduced::{Linearised, Reduced};
@@ -82,8 +82,11 @@ pub struct FrictionData {
     runs: Vec<Run>,
     /// Whether the friction of a joint acts on a row at any sample: dof x joints, joint by joint.
     pub(super) acts: Vec<bool>,
+    /// Changes of the base parameters that sampling leaves unknown, SI, each of which counts as a standard
+    /// deviation.
+    pub(super) sampling: Vec<Vec<f64>>,
     /// The linear columns after their reduction, from the first factor on.
-    reduced: OnceLock<Reduced>,
+    reduced: OnceLock<Arc<Reduced>>,
 }
 
 /// Consecutive samples of the motion, unfiltered.
@@ -123,7 +126,9 @@ impl Run {
         let is_whole = !self.known.contains(&0.0);
         if !is_whole {
             for (own, known) in values.chunks_exact_mut(width.max(1)).zip(&self.known) {
-                own.iter_mut().for_each(|value| *value *= known);
+                for value in own.iter_mut() {
+                    *value *= known;
+                }
             }
         }
         if averaged > 1 {
@@ -201,6 +206,7 @@ impl FrictionData {
             weights: Vec::new(),
             runs: Vec::new(),
             acts: vec![false; dof * joints.len()],
+            sampling: Vec::new(),
             reduced: OnceLock::new(),
         })
     }
@@ -321,6 +327,14 @@ impl FrictionData {
         weighted(tau, &mut self.tau);
         self.weights.extend(weights);
         Ok(())
+    }
+
+    /// Sets the changes of the base parameters that sampling leaves unknown, SI; entries behind those of the
+    /// base parameters do not count.
+    pub(crate) fn with_sampling(mut self, changes: &[Vec<f64>]) -> Self {
+        let base = |change: &Vec<f64>| change.iter().copied().take(self.labels.len()).collect();
+        self.sampling = changes.iter().map(base).collect();
+        self
     }
 
     /// Adds the residuals of held efforts of the last equations, dof entries; none if they are not known.
@@ -445,13 +459,46 @@ impl FrictionData {
         laws: &[Friction],
         shapes: &[[f64; SHAPES]],
     ) -> Result<Linearised, EstimateError> {
-        let reduced = if let Some(reduced) = self.reduced.get() {
+        self.reduced()?.linearised(self, laws, shapes)
+    }
+
+    /// The reduced linear columns.
+    fn reduced(&self) -> Result<&Reduced, EstimateError> {
+        Ok(if let Some(reduced) = self.reduced.get() {
             reduced
         } else {
-            let reduced = Reduced::of(self)?;
+            let reduced = Arc::new(Reduced::of(self)?);
             self.reduced.get_or_init(|| reduced)
-        };
-        reduced.linearised(self, laws, shapes)
+        })
+    }
+
+    /// The same equations for a fit, with other velocities of the joints.
+    ///
+    /// - `change`: gets the times of the samples of a run, s, and the velocities, joint by joint for each.
+    pub(super) fn with_velocities(
+        &self,
+        change: impl Fn(&[f64], &mut [f64]),
+    ) -> Result<Self, EstimateError> {
+        self.reduced()?;
+        let mut runs = self.runs.clone();
+        for run in &mut runs {
+            change(&run.times, &mut run.qd);
+        }
+        // a fit needs of the linear columns and the efforts only what their reduction left
+        Ok(Self {
+            labels: self.labels.clone(),
+            joints: self.joints.clone(),
+            laws: self.laws.clone(),
+            w: Vec::new(),
+            tau: Vec::new(),
+            held: Vec::new(),
+            weights: self.weights.clone(),
+            runs,
+            acts: self.acts.clone(),
+            sampling: Vec::new(),
+            reduced: self.reduced.clone(),
+            ..*self
+        })
     }
 
     /// Calls `each` with the unfiltered motion of each run that has equations, and the number of

@@ -450,6 +450,54 @@ pub fn fit(
     })
 }
 
+/// The range of a shape parameter in a search.
+pub(super) fn range(law: Friction, which: usize, fastest: f64) -> (f64, f64) {
+    let first = start(law, 0, fastest).get(which).copied().unwrap_or(1.0);
+    (first / MAX_SHAPE_FACTOR, first * MAX_SHAPE_FACTOR)
+}
+
+/// The optimum of other data for the same problem, found from that of a fit.
+///
+/// # Errors
+/// As [`fit`].
+pub(super) fn moved_optimum(
+    data: &FrictionData,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
+    options: &Options,
+    from: &FrictionFit,
+) -> Result<Optimum, FeasibilityError> {
+    let coefficients = data.coefficients(&data.laws);
+    let laws = data.laws.iter().zip(data.fastest());
+    let options = Options {
+        rough: true,
+        ..options.clone()
+    };
+    let mut search = Search {
+        data,
+        combinations: combinations.extended(&coefficients),
+        layout: layout.extended(&coefficients)?,
+        options: &options,
+        first: laws.map(|(law, v)| start(*law, 0, v)).collect(),
+        known: None,
+        step_known: None,
+        programmes: 0,
+    };
+    let point = &from.point;
+    let (solution, shapes) = if point.laws == data.laws {
+        let start = search.point(point.shapes.clone())?;
+        let (end, _) = search.descend(start, MAX_STEPS);
+        (end.solution, end.shapes)
+    } else {
+        (linear(&mut search, true)?.0, point.shapes.clone())
+    };
+    Ok(Optimum {
+        laws: point.laws.clone(),
+        values: solution.beta,
+        shapes,
+    })
+}
+
 /// Fits with linear friction at all joints, `rough` without choosing what the observations leave
 /// open; also returns a seed from the parameters without constraints.
 fn linear(search: &mut Search<'_>, rough: bool) -> Result<(PhysicalFit, u64), FeasibilityError> {

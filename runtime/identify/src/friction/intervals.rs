@@ -2,7 +2,8 @@
 
 use super::FrictionData;
 use super::columns::{Behind, FrictionColumns};
-use super::fit::FrictionFit;
+use super::fit::{FrictionFit, range};
+use super::reversals;
 use super::scores::FittedColumns;
 use super::values::symbols;
 use crate::estimate::{Deviations, EstimateError, QrFactor};
@@ -14,8 +15,8 @@ use regen_runtime::friction::SHAPES;
 /// down.
 const LOG_SHAPE_REACH: f64 = 3.0;
 
-/// The largest standard deviation of the step of a shape parameter that is known, in units of
-/// [`LOG_SHAPE_REACH`]: beyond it most draws end at their bound, wherever that is.
+/// The largest standard deviation of the step of a shape parameter, in units of [`LOG_SHAPE_REACH`]. Beyond
+/// it the interval is the whole range of the search: most draws would end at their bound, wherever that is.
 const MAX_STEP_DEVIATION: f64 = 1.0;
 
 /// Confidence intervals of a fit with nonlinear friction.
@@ -44,7 +45,9 @@ pub struct FrictionIntervals {
 /// The fit is linearised at its optimum: its columns are those of the base parameters, of
 /// friction's linear coefficients, and one for the logarithm of each shape parameter. The
 /// covariance of its least-squares parameters accounts for the correlation of the residuals
-/// ([`Deviations`]). Draws of these parameters are projected onto the constraints, see
+/// ([`Deviations`]). For equations that passed a filter it contains what the filter and the sampling
+/// leave unknown of the velocities near reversals: how far the fit moves with other velocities. What
+/// sampling leaves unknown of the base parameters with linear friction is in it too. Draws of these parameters are projected onto the constraints, see
 /// [`intervals`](crate::intervals). Derived values, such as `Fs` from `Fc` and the excess over it,
 /// are computed for each draw.
 ///
@@ -83,6 +86,22 @@ pub fn intervals(
         values: &values,
     };
     let deviations = linearised.deviations(&factor)?;
+    let changes = reversals::changes(data, combinations, layout, options, fit)?;
+    let deviations = changes
+        .iter()
+        .chain(&data.sampling)
+        .fold(deviations, |sum, change| {
+            let step = |column: usize| {
+                let change = change.get(column).copied().unwrap_or_default();
+                if column < known {
+                    change
+                } else {
+                    change / LOG_SHAPE_REACH
+                }
+            };
+            let own: Vec<f64> = kept.iter().map(|column| step(*column)).collect();
+            sum.with_change(&own)
+        });
 
     let labels = factor.labels();
     let more = &labels[r..];
@@ -132,6 +151,7 @@ pub fn intervals(
         let own = draw.get(p..).unwrap_or_default();
         printed.push(symbols(data, &point.laws, own, &shapes));
     }
+    let fastest = data.fastest();
     let mut joints = Vec::with_capacity(fit.joints.len());
     let mut column = known;
     for (j, ((joint, law), own)) in fit
@@ -145,11 +165,14 @@ pub fn intervals(
         // symbols without an interval: undetermined shape parameters, and those that linear
         // friction does not have
         let mut silent: Vec<&str> = Vec::new();
-        for symbol in own.shape_symbols().iter().take(SHAPES) {
-            let place = kept.iter().position(|c| *c == column);
-            let sigma = place.map_or(f64::INFINITY, |place| deviations.sigma(place));
-            if sigma > MAX_STEP_DEVIATION {
-                silent.push(symbol);
+        let mut open: Vec<(&str, usize)> = Vec::new();
+        for (which, symbol) in own.shape_symbols().iter().enumerate().take(SHAPES) {
+            match kept.iter().position(|c| *c == column) {
+                None => silent.push(symbol),
+                Some(place) if deviations.sigma(place) > MAX_STEP_DEVIATION => {
+                    open.push((symbol, which));
+                }
+                Some(_) => {}
             }
             column += 1;
         }
@@ -162,6 +185,12 @@ pub fn intervals(
                 return None;
             }
             let value = joint.values.get(k).copied()?;
+            if let Some((_, which)) = open.iter().find(|(own, _)| own == symbol) {
+                let (lowest, highest) = range(joint.friction, *which, fastest[j]);
+                let ends = [lowest, highest].into_iter().cycle();
+                let ends = ends.take(printed.len()).collect();
+                return Some(drawn.spread(value, ends));
+            }
             let draws = printed.iter().map(|d| d.get(j)?.get(k).copied());
             let draws = draws.map(|x| x.unwrap_or(f64::NAN));
             Some(drawn.spread(value, draws.collect()))

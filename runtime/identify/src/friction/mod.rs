@@ -17,6 +17,7 @@ mod intervals;
 mod passes;
 mod reduced;
 mod residuals;
+mod reversals;
 mod scores;
 mod starts;
 mod values;

@@ -452,7 +452,7 @@ fn highest(trials: &[Trial], errors: &[Errors]) -> usize {
     let good: Vec<usize> = good.map(|(k, _)| k).collect();
     let cutoff = |k: usize| trials.get(k).map_or(f64::NAN, |own| own.cutoff);
     let most = good.first().map_or(f64::NAN, |k| MOST_ABOVE * cutoff(*k));
-    let chosen = good.into_iter().filter(|k| cutoff(*k) <= most).next_back();
+    let chosen = good.into_iter().rfind(|k| cutoff(*k) <= most);
     chosen.unwrap_or(0)
 }
 

@@ -95,7 +95,10 @@ impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
         let mut known = rests.iter().peekable();
         logs.visit(&mut |row| {
             // loops that cannot be closed may be others with noise
-            while known.peek().is_some_and(|(time, _)| *time != row.time) {
+            while known
+                .peek()
+                .is_some_and(|(time, _)| (*time - row.time).abs() > 0.0)
+            {
                 known.next();
             }
             match known.next() {

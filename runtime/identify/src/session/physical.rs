@@ -162,7 +162,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
             let filter = if session.reading.method.smoothing().is_none() {
                 ""
             } else {
-                "; of the noise alone, without what the filter changes near reversals"
+                "; with what the filter leaves unknown of the velocities near reversals"
             };
             let one = |s: &Spread| drawn_interval(s, session.confidence);
             let of_joint =

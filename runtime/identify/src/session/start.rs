@@ -328,7 +328,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         }
         residuals = Some(statistics);
     }
-    let (deviations, blocks, sampling_note) = {
+    let (deviations, blocks, sampling_note, changes) = {
         let blocks = data.linear_scores(&estimate.values)?;
         let all: Vec<usize> = (0..estimate.values.len()).collect();
         let found = blocks.deviations(&factor, &all, &estimate.values, 1.0)?;
@@ -340,7 +340,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         let (found, words) = found.with_sampling(&changes);
         let add = |blocks: Blocks, change| blocks.with_change(&factor, change);
         let blocks = changes.iter().map(Vec::as_slice).fold(blocks, add);
-        (found, blocks, words)
+        (found, blocks, words, changes)
     };
     let estimate_for_intervals = estimate.with_deviations(&deviations);
     let method = format!("least squares, {}{sampling_note}", deviations.in_words());
@@ -375,7 +375,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
             .unwrap_or_default(),
         relative_absolute: residuals.as_ref().map(Residuals::relative_absolute),
         left_out: Some(left_out),
-        data: Some(data),
+        data: Some(data.with_sampling(&changes)),
         delays: Delays::default(),
         reports: logs.logs().reports().to_vec(),
     })

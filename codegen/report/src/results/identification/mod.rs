@@ -18,4 +18,4 @@ pub use simulated::{Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};
 pub use summary::{EffortSummary, Identification, ModelErrors, Summary, Suspected};
 pub use text::identification_text;
-pub use warnings::{filtered_friction, noisy_accelerations, too_few, too_short, unexplained};
+pub use warnings::{coarse_friction, noisy_accelerations, too_few, too_short, unexplained};

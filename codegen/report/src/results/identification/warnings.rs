@@ -5,6 +5,7 @@ use regen_identify::estimate::{Deviations, EffortError};
 use regen_identify::friction::JointFit;
 use regen_identify::identify::LeftOut;
 use regen_identify::session::LeastSquaresStart;
+use regen_identify::signals::Smoothing;
 
 /// Beyond this eps_RA, percent, an effort differs from its mean by rounding only.
 const CONSTANT_PERCENT: f64 = 1e9;
@@ -93,38 +94,57 @@ pub fn noisy_accelerations(reports: &[FileReport]) -> Option<String> {
     })
 }
 
-/// The warning about the deviations of nonlinear friction behind a filter, which are those of the noise
-/// alone. `None` if no joint has nonlinear friction with an interval.
+/// The fewest rows in the time that a filter resolves, with which the rows show the reversals that it
+/// passes. In rehearsals of an arm with Stribeck friction at 200 rows a second, a filter of 20 Hz had ten,
+/// and one of 40 Hz five: behind the latter the intervals of `Fs` missed it in every third run.
+const MIN_RESOLVED_ROWS: f64 = 10.0;
+
+/// The warning about nonlinear friction from rows that are too far apart for their filter, so that its
+/// deviations are too small. `None` if no joint has nonlinear friction with an interval.
 ///
 /// - `joints`: the friction that was found; `known`: whether there are intervals;
-/// - `filtered`: whether the equations passed a low-pass filter.
+/// - `smoothing`: the filter of the equations.
 ///
 /// ```
+/// use regen_identify::data::FileReport;
 /// use regen_identify::friction::JointFit;
-/// use regen_report::results::filtered_friction;
+/// use regen_identify::signals::Smoothing;
+/// use regen_report::results::coarse_friction;
 /// use regen_runtime::Friction;
 ///
-/// let joint = |friction, values: &[f64]| JointFit {
+/// let joint = JointFit {
 ///     name: "q1".to_owned(),
-///     friction,
-///     values: values.to_vec(),
+///     friction: Friction::Stribeck,
+///     values: vec![2.0, 3.0, 0.1, 2.0, 5.0],
 /// };
-/// let stribeck = [joint(Friction::Stribeck, &[2.0, 3.0, 0.1, 2.0, 5.0])];
-/// let text = filtered_friction(&stribeck, true, true).unwrap_or_default();
-/// assert!(text.contains("q1") && text.contains("regen rehearse --friction"));
-/// assert_eq!(filtered_friction(&stribeck, true, false), None);
-/// assert_eq!(filtered_friction(&stribeck, false, true), None);
-/// let linear = [joint(Friction::Linear, &[5.0, 2.0])];
-/// assert_eq!(filtered_friction(&linear, true, true), None);
+/// let filter = |cutoff| Smoothing::Butterworth { order: 4, cutoff };
+/// let log = [FileReport { step: 0.005, ..FileReport::default() }];
+/// let told = |known, filter| coarse_friction(&[joint.clone()], known, filter, &log);
+/// assert!(told(true, filter(40.0)).is_some_and(|text| text.contains("q1")));
+/// assert_eq!(told(true, filter(20.0)), None);
+/// assert_eq!(told(true, Smoothing::None), None);
+/// assert_eq!(told(false, filter(40.0)), None);
 /// ```
-pub fn filtered_friction(joints: &[JointFit], known: bool, filtered: bool) -> Option<String> {
+pub fn coarse_friction(
+    joints: &[JointFit],
+    known: bool,
+    smoothing: Smoothing,
+    reports: &[FileReport],
+) -> Option<String> {
     let nonlinear = joints.iter().filter(|joint| !joint.friction.is_linear());
     let names: Vec<&str> = nonlinear.map(|joint| joint.name.as_str()).collect();
-    (known && filtered && !names.is_empty()).then(|| {
+    let resolved = match smoothing {
+        Smoothing::None => return None,
+        Smoothing::Butterworth { cutoff, .. } => 1.0 / cutoff,
+        Smoothing::Local { half_width } => 2.0 * half_width,
+    };
+    // a step that was read from decimals is not exact
+    let is_coarse = |report: &FileReport| report.step * MIN_RESOLVED_ROWS > 1.001 * resolved;
+    (known && !names.is_empty() && reports.iter().any(is_coarse)).then(|| {
         format!(
-            "warning: the deviations of nonlinear friction ({}) are of the noise alone: what the filter \
-             does near reversals can put Fs and vs off by many of them; `regen rehearse --friction` \
-             simulates how far",
+            "warning: the rows are too far apart to show the reversals that the filter passes: the \
+             deviations of nonlinear friction ({}) are likely to be too small. Filter lower, or log \
+             faster; `regen rehearse --friction` scores it",
             names.join(", ")
         )
     })
