@@ -150,3 +150,17 @@ fn efforts_follow_the_equations() {
         }
     }
 }
+
+/// Far above a steep transition the power overflows, and its exponential is 0.
+#[test]
+fn slopes_of_steep_shapes_are_finite() {
+    for law in nonlinear() {
+        for v in VELOCITIES {
+            let slopes = law.slopes(v, sign(v), [1e-4, 300.0]);
+            assert!(
+                slopes.iter().flatten().all(|x| x.is_finite()),
+                "{law:?} {v} {slopes:?}"
+            );
+        }
+    }
+}

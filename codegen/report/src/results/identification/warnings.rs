@@ -96,7 +96,7 @@ pub fn noisy_accelerations(reports: &[FileReport]) -> Option<String> {
 
 /// The fewest rows in the time that a filter resolves, with which the rows show the reversals that it
 /// passes. In rehearsals of an arm with Stribeck friction at 200 rows a second, a filter of 20 Hz had ten,
-/// and one of 40 Hz five: behind the latter the intervals of `Fs` missed it in every third run.
+/// and one of 40 Hz five: behind the latter the intervals of `Fs` missed it in every fifth run.
 const MIN_RESOLVED_ROWS: f64 = 10.0;
 
 /// The warning about nonlinear friction from rows that are too far apart for their filter, so that its
