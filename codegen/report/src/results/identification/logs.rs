@@ -102,7 +102,7 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
     let place = choice
         .candidates
         .iter()
-        .position(|own| own.cutoff == choice.cutoff);
+        .position(|own| (own.cutoff - choice.cutoff).abs() <= 0.0);
     let last = choice.candidates.len().saturating_sub(1);
     let first = (place != Some(0)).then_some(0);
     let mut shown: Vec<usize> = first.into_iter().chain(place).collect();
