@@ -37,13 +37,13 @@ pub(super) fn titles(table: &Table) -> Result<Vec<String>, DataError> {
         };
         empty.retain(|k| !is_number(k));
     }
-    let named = titles
-        .iter()
-        .enumerate()
-        .map(|(k, title)| match empty.contains(&k) {
-            true => format!("{title} (without a number)"),
-            false => title.clone(),
-        });
+    let named = titles.iter().enumerate().map(|(k, title)| {
+        if empty.contains(&k) {
+            format!("{title} (without a number)")
+        } else {
+            title.clone()
+        }
+    });
     Ok(named.collect())
 }
 

@@ -120,7 +120,9 @@ impl Run {
         let is_whole = !self.known.contains(&0.0);
         if !is_whole {
             for (own, known) in values.chunks_exact_mut(width.max(1)).zip(&self.known) {
-                own.iter_mut().for_each(|value| *value *= known);
+                for value in own {
+                    *value *= known;
+                }
             }
         }
         if averaged > 1 {
