@@ -200,18 +200,14 @@ pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {
         .filter(|name| reports.iter().all(|report| report.still.contains(name)))
         .map(String::as_str)
         .collect();
+    let rests = (!still.is_empty()).then(|| {
+        let still = still.join(", ");
+        format!("\n  no log has motion of {still} beyond its noise: {LOCK}")
+    });
+    let divided = reports.iter().filter_map(said_of_stretches);
     match failure {
-        Failure::Numeric(mut text) => {
-            if !still.is_empty() {
-                text += &format!(
-                    "\n  no log has motion of {} beyond its noise: {LOCK}",
-                    still.join(", ")
-                );
-            }
-            for report in reports {
-                text += &said_of_stretches(report).unwrap_or_default();
-            }
-            Failure::Numeric(text)
+        Failure::Numeric(text) => {
+            Failure::Numeric(text + &rests.into_iter().chain(divided).collect::<String>())
         }
         other => other,
     }
@@ -280,43 +276,35 @@ fn said_of_gaps(report: &FileReport) -> Option<String> {
         cuts,
         longest,
     } = report.bridged;
-    let parts = |count: usize, s: &str| format!("{count} gap{s} or dropout{s}");
     let s = |count: usize| if count == 1 { "" } else { "s" };
-    let mut text = format!("warning: {}: ", report.file);
-    if count > 0 {
+    let parts = |count: usize| format!("{count} gap{0} or dropout{0}", s(count));
+    let bridged = (count > 0).then(|| {
         let part = 100.0 * rows as f64 / (report.rows + rows) as f64;
-        text += &format!(
+        format!(
             "{} of up to {largest} row{} {} bridged: {rows} row{} ({} %) {} interpolated, and the \
              equations within left out",
-            parts(count, s(count)),
+            parts(count),
             s(largest),
             if count == 1 { "was" } else { "were" },
             s(rows),
             figure_of(2, part),
             if rows == 1 { "is" } else { "are" },
-        );
-    }
-    match (count, cuts) {
-        (0, 0) => return None,
-        (_, 0) => {}
-        (0, _) if longest <= 0.0 => return None,
-        (0, _) => {
-            text += &format!(
-                "{} divide{} the log, longer than the {} s that the filter bridges",
-                parts(cuts, s(cuts)),
-                if cuts == 1 { "s" } else { "" },
-                figure_of(3, longest)
-            );
-        }
-        _ => {
-            text += &format!(
-                "; {cuts} more, longer than the {} s that the filter bridges, divide{} the log",
-                figure_of(3, longest),
-                if cuts == 1 { "s" } else { "" },
-            );
-        }
-    }
-    Some(text)
+        )
+    });
+    let divided = (cuts > 0 && longest > 0.0).then(|| {
+        let what = if count > 0 {
+            format!("{cuts} more")
+        } else {
+            parts(cuts)
+        };
+        format!(
+            "{what}, longer than the {} s that the filter bridges, divide{} the log",
+            figure_of(3, longest),
+            if cuts == 1 { "s" } else { "" },
+        )
+    });
+    let said: Vec<String> = bridged.into_iter().chain(divided).collect();
+    (!said.is_empty()).then(|| format!("warning: {}: {}", report.file, said.join("; ")))
 }
 
 /// Prints the rows of a log that were treated in one way.

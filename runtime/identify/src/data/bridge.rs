@@ -177,15 +177,12 @@ impl Bridge {
                     if let Some(first) = values.first_mut() {
                         *first = last + step * k as f64 / (missing + 1) as f64;
                     }
-                    let line = row.line;
-                    self.add(
-                        LogRow {
-                            line,
-                            values,
-                            bridged: true,
-                        },
-                        each,
-                    )?;
+                    let between = LogRow {
+                        line: row.line,
+                        values,
+                        bridged: true,
+                    };
+                    self.add(between, each)?;
                 }
             } else {
                 self.counts.cuts += usize::from(step > 0.0 && self.follows);
@@ -372,16 +369,12 @@ impl Polynomial {
             mean: points.iter().map(|p| p.1).sum::<f64>() / count.max(1) as f64,
             coefficients: Vec::new(),
         };
-        let spread = points
-            .iter()
-            .fold(0.0, |m: f64, p| m.max((p.1 - out.mean).abs()));
-        if let Some((_, constant)) =
-            first.filter(|p| points.iter().all(|other| (other.1 - p.1).abs() <= 0.0))
-        {
+        // a constant stays exactly constant
+        if let Some((_, constant)) = first.filter(|own| {
+            let mut others = points.iter();
+            others.all(|other| other.1.to_bits() == own.1.to_bits())
+        }) {
             out.mean = *constant;
-            return out;
-        }
-        if spread <= 0.0 {
             return out;
         }
         let degrees: &[usize] = if is_motion { &DEGREES } else { &[1] };

@@ -18,6 +18,8 @@ const MIN_REPEATS: usize = 2;
 /// How far the change over a stretch may be from the one that the speeds on both sides predict, as a
 /// part of it: a joint that rested, and moves again, has changed by one row's motion.
 const PREDICTED_PART: f64 = 0.35;
+/// The same, where only the speed behind the stretch is known: in parts of the predicted change.
+const LEADING_PARTS: core::ops::RangeInclusive<f64> = 0.4..=2.5;
 /// The least predicted change, in root mean squares of the second differences, which contain the noise.
 const MIN_CHANGE_NOISE: f64 = 6.0;
 /// The least predicted change, in the smallest changes around, which may be steps of an encoder.
@@ -539,8 +541,12 @@ fn has_moved(rows: usize, member: &Member, after: &[f64], leads: bool) -> Option
     let smallest = sides.filter(|c| *c > 0.0).fold(f64::INFINITY, f64::min);
     let least = (MIN_CHANGE_NOISE * roughness(&[before, after]))
         .max(MIN_CHANGE_ROWS * fast.abs().max(slow.abs()));
-    let moved = predicted.abs() >= least
-        && (member.jump - predicted).abs() <= PREDICTED_PART * predicted.abs();
+    let is_predicted = if leads {
+        LEADING_PARTS.contains(&(member.jump / predicted))
+    } else {
+        (member.jump - predicted).abs() <= PREDICTED_PART * predicted.abs()
+    };
+    let moved = predicted.abs() >= least && is_predicted;
     let steps = if predicted.abs() >= MIN_CHANGE_STEPS * smallest {
         Steps::Many
     } else {

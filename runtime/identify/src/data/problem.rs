@@ -147,17 +147,13 @@ impl fmt::Display for Problem {
             ),
             Fault::Dropout { columns } => {
                 let named = columns.iter().take(MAX_NAMED_COLUMNS);
-                let mut all = named
-                    .map(|c| format!("`{c}`"))
-                    .collect::<Vec<_>>()
-                    .join(", ");
-                if let Some(more @ 1..) = columns.len().checked_sub(MAX_NAMED_COLUMNS) {
-                    all.push_str(" and ");
-                    all.push_str(&more.to_string());
-                    all.push_str(" more");
-                }
+                let named: Vec<String> = named.map(|c| format!("`{c}`")).collect();
                 let s = if columns.len() == 1 { "" } else { "s" };
-                write!(f, "column{s} {all} as in the row before: a dropout")
+                write!(f, "column{s} {}", named.join(", "))?;
+                if let Some(more @ 1..) = columns.len().checked_sub(MAX_NAMED_COLUMNS) {
+                    write!(f, " and {more} more")?;
+                }
+                write!(f, " as in the row before: a dropout")
             }
             Fault::Outlier {
                 column,

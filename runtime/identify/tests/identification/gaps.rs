@@ -173,7 +173,7 @@ fn gaps_are_treated_as_the_settings_say() {
         ..settings()
     };
     let path = write("treated.csv", &late(&own[..2], &[1, 2]));
-    let open = |settings: &Settings| Logs::open(&Pendulum, &[path.clone()], settings);
+    let open = |settings: &Settings| Logs::open(&Pendulum, std::slice::from_ref(&path), settings);
     let rows = |settings: &Settings| open(settings).unwrap().reports()[0].rows;
     for policy in [Policy::Fail, Policy::Drop, Policy::Keep] {
         assert_eq!(rows(&with(Gaps::Bridge, policy)), ROWS - 24);
