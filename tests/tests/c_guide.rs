@@ -26,6 +26,7 @@ fn identified() -> IdentifiedModel {
             model: String::new(),
             logs: vec!["run1".to_owned(), "run */ 2\n".to_owned()],
             date: Some("2026-11-23".to_owned()),
+            filter: None,
         },
         ..IdentifiedModel::default()
     }

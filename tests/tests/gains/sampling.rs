@@ -71,6 +71,7 @@ impl LogSource for Sampled<'_> {
         for (q, w, [change, _]) in rows(self.model, &mut self.log) {
             each(&ChangedEfforts {
                 q: &q,
+                qd: [&[], &[]],
                 w: w.as_slice(),
                 change: change.as_slice(),
                 rows: 1.0,

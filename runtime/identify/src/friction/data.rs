@@ -1,6 +1,6 @@
 //! The equations and joint velocities of a log, in memory, for the fit of nonlinear friction.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use super::columns::FrictionColumns;
 use super::reduced::{Linearised, Reduced};
@@ -75,12 +75,18 @@ pub struct FrictionData {
     pub(super) w: Vec<f64>,
     /// The weighted efforts, dof for each equation.
     pub(super) tau: Vec<f64>,
+    /// The weighted residuals of efforts that the controller holds between rows, see
+    /// [`Equations::held`](crate::identify::Equations::held); empty where they are not known.
+    held: Vec<f64>,
     pub(super) weights: Vec<f64>,
     runs: Vec<Run>,
     /// Whether the friction of a joint acts on a row at any sample: dof x joints, joint by joint.
     pub(super) acts: Vec<bool>,
+    /// Changes of the base parameters that sampling leaves unknown, SI, each of which counts as a standard
+    /// deviation.
+    pub(super) sampling: Vec<Vec<f64>>,
     /// The linear columns after their reduction, from the first factor on.
-    reduced: OnceLock<Reduced>,
+    reduced: OnceLock<Arc<Reduced>>,
 }
 
 /// Consecutive samples of the motion, unfiltered.
@@ -120,7 +126,7 @@ impl Run {
         let is_whole = !self.known.contains(&0.0);
         if !is_whole {
             for (own, known) in values.chunks_exact_mut(width.max(1)).zip(&self.known) {
-                for value in own {
+                for value in own.iter_mut() {
                     *value *= known;
                 }
             }
@@ -196,9 +202,11 @@ impl FrictionData {
             filtering: Filtering::default(),
             w: Vec::new(),
             tau: Vec::new(),
+            held: Vec::new(),
             weights: Vec::new(),
             runs: Vec::new(),
             acts: vec![false; dof * joints.len()],
+            sampling: Vec::new(),
             reduced: OnceLock::new(),
         })
     }
@@ -321,6 +329,29 @@ impl FrictionData {
         Ok(())
     }
 
+    /// Sets the changes of the base parameters that sampling leaves unknown, SI; entries behind those of the
+    /// base parameters do not count.
+    pub(crate) fn with_sampling(mut self, changes: &[Vec<f64>]) -> Self {
+        let base = |change: &Vec<f64>| change.iter().copied().take(self.labels.len()).collect();
+        self.sampling = changes.iter().map(base).collect();
+        self
+    }
+
+    /// Adds the residuals of held efforts of the last equations, dof entries; none if they are not known.
+    pub(super) fn push_held(&mut self, held: &[f64]) {
+        let own = held.iter().copied().chain(core::iter::repeat(0.0));
+        let last = self.weights.len().saturating_sub(self.dof);
+        let weights = self.weights.get(last..).unwrap_or_default();
+        self.held.resize(last, 0.0);
+        self.held
+            .extend(weights.iter().zip(own).map(|(s, x)| s * x));
+    }
+
+    /// The weighted residuals of held efforts, dof for each equation.
+    pub(super) fn held(&self) -> &[f64] {
+        &self.held
+    }
+
     /// Multiplies the rows of each effort by a weight, 1/sigma; `weights` has dof entries.
     ///
     /// # Errors
@@ -338,7 +369,12 @@ impl FrictionData {
             return Err(EstimateError::NotFinite { what, row });
         }
         self.reduced.take();
-        for values in [&mut self.w, &mut self.tau, &mut self.weights] {
+        for values in [
+            &mut self.w,
+            &mut self.tau,
+            &mut self.held,
+            &mut self.weights,
+        ] {
             for row in values.chunks_exact_mut(self.dof.max(1)) {
                 for (value, weight) in row.iter_mut().zip(weights) {
                     *value *= weight;
@@ -423,13 +459,46 @@ impl FrictionData {
         laws: &[Friction],
         shapes: &[[f64; SHAPES]],
     ) -> Result<Linearised, EstimateError> {
-        let reduced = if let Some(reduced) = self.reduced.get() {
+        self.reduced()?.linearised(self, laws, shapes)
+    }
+
+    /// The reduced linear columns.
+    fn reduced(&self) -> Result<&Reduced, EstimateError> {
+        Ok(if let Some(reduced) = self.reduced.get() {
             reduced
         } else {
-            let reduced = Reduced::of(self)?;
+            let reduced = Arc::new(Reduced::of(self)?);
             self.reduced.get_or_init(|| reduced)
-        };
-        reduced.linearised(self, laws, shapes)
+        })
+    }
+
+    /// The same equations for a fit, with other velocities of the joints.
+    ///
+    /// - `change`: gets the times of the samples of a run, s, and the velocities, joint by joint for each.
+    pub(super) fn with_velocities(
+        &self,
+        change: impl Fn(&[f64], &mut [f64]),
+    ) -> Result<Self, EstimateError> {
+        self.reduced()?;
+        let mut runs = self.runs.clone();
+        for run in &mut runs {
+            change(&run.times, &mut run.qd);
+        }
+        // a fit needs of the linear columns and the efforts only what their reduction left
+        Ok(Self {
+            labels: self.labels.clone(),
+            joints: self.joints.clone(),
+            laws: self.laws.clone(),
+            w: Vec::new(),
+            tau: Vec::new(),
+            held: Vec::new(),
+            weights: self.weights.clone(),
+            runs,
+            acts: self.acts.clone(),
+            sampling: Vec::new(),
+            reduced: self.reduced.clone(),
+            ..*self
+        })
     }
 
     /// Calls `each` with the unfiltered motion of each run that has equations, and the number of
