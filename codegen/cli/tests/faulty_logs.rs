@@ -214,7 +214,7 @@ fn short_dropouts_and_gaps_are_bridged_and_long_ones_divide_the_log() {
         }
     }
     // no option is needed for a long one either, which is told with its rows
-    let long = late(&repeated, &all, &[(1000, 100)]);
+    let long = late(&repeated, &all, &[(1020, 100)]);
     let (found, told) = json(&long, &[]);
     assert_eq!(found["files"][0]["gaps"]["cuts"], 1);
     assert_eq!(found["files"][0]["dropped"], 100);
@@ -223,7 +223,7 @@ fn short_dropouts_and_gaps_are_bridged_and_long_ones_divide_the_log() {
         "{told}"
     );
     assert!(
-        told.contains("rows 1002 to 1101: columns `q1`, `q3`"),
+        told.contains("rows 1022 to 1121: columns `q1`, `q3`"),
         "{told}"
     );
     let run = identify(&dir, &repeated.text(), &["--problems", "fail"]).ended(3);

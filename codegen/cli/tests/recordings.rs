@@ -97,6 +97,41 @@ fn joints_of_separate_publishers_are_joined_by_time() {
     assert_eq!(only(&run, &["gripper"], &[]).times.len(), 6);
 }
 
+/// Drivers that measure no velocity fill it with NaN: as empty lists do, that gives no column.
+#[test]
+fn lists_without_a_number_are_as_good_as_empty_ones() {
+    let folder = scratch("without_numbers");
+    for file in ["folder.db3", "metadata.yaml"] {
+        fs::copy(fixture("folder").join(file), folder.join(file)).unwrap();
+    }
+    let path = folder.join("folder.db3");
+    let mut bytes = fs::read(&path).unwrap();
+    let run = Run {
+        files: vec![folder],
+        topic: Some("/joint_states".to_owned()),
+        ..Run::default()
+    };
+    let count = |run: &Run| {
+        let track = only(run, &["shoulder", "elbow", "wrist"], &[]);
+        [&track.positions, &track.velocities, &track.efforts].map(Vec::len)
+    };
+    assert_eq!(count(&run), [3; 3]);
+    // behind the positions of a message are its velocities, with their number in 8 bytes
+    for k in 0..100 {
+        let first = 0.125 * f64::from(k);
+        let own = [0.5, 1.0, 1.5].map(|x| (first + x).to_le_bytes()).concat();
+        let places: Vec<usize> = (0..bytes.len() - 56)
+            .filter(|place| bytes[*place..].starts_with(&own))
+            .collect();
+        for place in places {
+            let nan = [f64::NAN.to_le_bytes(); 3].concat();
+            bytes[place + 32..place + 56].copy_from_slice(&nan);
+        }
+    }
+    fs::write(path, bytes).unwrap();
+    assert_eq!(count(&run), [3, 0, 3]);
+}
+
 #[test]
 fn faulty_messages_are_reported_as_faulty_rows_are() {
     let run = Run::from(fixture("faulty.mcap"));

@@ -588,12 +588,6 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             let known = known.first().copied().unwrap_or(1.0);
             let is_known = normalise(sample, known);
             self.left.bridged += usize::from(!is_known);
-            // the average of fewer samples has more noise
-            let certain = if (known - 1.0).abs() > WHOLE {
-                known.clamp(0.0, 1.0).sqrt()
-            } else {
-                1.0
-            };
             let (w, rest) = sample.split_at(self.width - 1 - 3 * dof);
             let (tau, rest) = rest.split_at(dof);
             let (held, moved) = rest.split_at(dof);
@@ -605,7 +599,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                     // above 1 the filter weighs a rest near by negatively
                     _ => f64::from((1.0 - moved).abs() <= MAX_RESTED_PART),
                 };
-                *weight = own[e] * part * certain * f64::from(is_known);
+                *weight = own[e] * part * f64::from(is_known);
                 self.left.resting[e] += usize::from(is_known && *weight == 0.0);
             }
             self.left.samples += 1;
