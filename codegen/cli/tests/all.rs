@@ -3,6 +3,7 @@
 
 mod base;
 mod check;
+mod choice;
 mod common;
 mod delays;
 mod drives;

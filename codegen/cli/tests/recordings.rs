@@ -227,7 +227,8 @@ fn a_recording_gives_the_parameters_of_the_same_rows_in_csv() {
     };
     let (a, b) = (values(&recorded), values("same.yaml"));
     assert_eq!(a.len(), 15);
-    assert_close(&a, &b, 1e-9);
+    // added noise makes more of the last digits in which the times differ
+    assert_close(&a, &b, 1e-6);
 }
 
 #[test]

@@ -109,10 +109,10 @@ fn a_rehearsal_with_unsuitable_settings_exits_with_1() {
     .ended(1);
     assert!(stribeck.out.contains("not modelled"), "{}", stribeck.out);
     assert!(stribeck.err.contains("below 90 %: F"), "{}", stribeck.err);
-    // positions of coarse encoders without any filter: velocities and accelerations are noise
+    // positions of coarse encoders without an option: the filter is chosen from each log
     let bare = CRANE.replace("--butterworth 4,15", "--quantum 1e-3");
-    let bare = run(&dir, &format!("{bare} --seeds 4 --format json")).ended(1);
-    assert_eq!(bare.json()["passed"], false);
+    let bare = run(&dir, &format!("{bare} --seeds 4 --format json")).ended(0);
+    assert_eq!(bare.json()["passed"], true);
     // simulated controllers tuned to the estimate, not to the parameters the robot was tuned to
     let tuned = CRANE.replace("--butterworth 4,15", "--estimator didim --loop-bandwidth 6");
     let tuned = run(&dir, &format!("{tuned} --seeds 2 --format json")).ended(1);

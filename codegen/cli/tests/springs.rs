@@ -88,7 +88,7 @@ fn springs_are_recovered_from_a_simulated_log_and_balance_its_energy() {
     );
     let found = fs::read_to_string(dir.join("found.yaml")).unwrap();
     assert!(
-        !found.contains("k: 150") && found.contains("K: "),
+        !found.contains("k: 150}") && found.contains("K: "),
         "{found}"
     );
     assert!(found.contains("f: -"), "{found}");

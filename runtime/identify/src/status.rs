@@ -221,6 +221,16 @@ mod tests {
                 "{parameter} {value} {sigma}"
             );
         }
+        // a bias of more than the rest of the deviation
+        for (value, bias, status) in [
+            (1.0, 0.009, Status::Biased),
+            (1.0, 0.005, Status::Well),
+            (0.015, 0.009, Status::Zero),
+            (0.05, 0.009, Status::Biased),
+        ] {
+            let found = shares.status_with_bias(0, value, 0.01, bias);
+            assert_eq!(found, status, "{value} {bias}");
+        }
         let all = [Status::Well, Status::Zero, Status::Well];
         assert_eq!(
             counted(all.into_iter()),

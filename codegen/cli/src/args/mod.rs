@@ -200,7 +200,7 @@ pub(crate) struct Cli {
     #[command(flatten)]
     pub(crate) model: ModelArgs,
     /// Neither read nor write the cache of derived robots
-    #[arg(long, global = true)]
+    #[arg(long, global = true, hide_short_help = true)]
     pub(crate) no_cache: bool,
 }
 

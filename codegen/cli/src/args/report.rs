@@ -52,7 +52,7 @@ pub(crate) struct ReportOptions {
     #[arg(long, value_name = "HTML", conflicts_with = "from")]
     pub(crate) report: Option<PathBuf>,
     /// Write each figure of the page as an SVG file into this folder
-    #[arg(long, value_name = "DIR", requires = "report")]
+    #[arg(long, value_name = "DIR", requires = "report", hide_short_help = true)]
     pub(crate) figures: Option<PathBuf>,
     /// The command line as a shell reads it, which the page shows.
     #[arg(skip)]

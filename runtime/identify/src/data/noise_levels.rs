@@ -90,3 +90,65 @@ fn variance(stretches: &[Vec<f64>]) -> Option<f64> {
     let sum: f64 = squares.iter().map(|x| x.min(bound)).sum();
     Some(sum / (GAIN * squares.len() as f64))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::intervals::Random;
+
+    /// A motion of up to 1 Hz at 1 kHz, with white noise of this deviation.
+    fn moved(deviation: f64) -> Vec<f64> {
+        let mut random = Random(7);
+        let at = |k: u32| {
+            let t = 1e-3 * f64::from(k);
+            0.5 * (core::f64::consts::TAU * t).sin() + 0.2 * (2.5 * t).cos()
+        };
+        (0..20_000)
+            .map(|k| at(k) + deviation * random.normal())
+            .collect()
+    }
+
+    #[test]
+    fn white_noise_has_the_same_density_in_all_octaves_and_motion_has_none() {
+        for deviation in [1e-3, 1e-5] {
+            let levels = NoiseLevels::new(1e-3, &[moved(deviation)]);
+            let expected = deviation * deviation * 1e-3;
+            for frequency in [300.0, 100.0, 30.0, 5.0, 1.0] {
+                let part = levels.density(frequency) / expected;
+                assert!(
+                    (0.5..2.0).contains(&part),
+                    "{deviation} {frequency}: {part}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn noise_of_low_frequency_is_larger_there() {
+        // each value of the noise lasts for 16 rows
+        let mut random = Random(3);
+        let mut held = 0.0;
+        let noisy = moved(0.0).into_iter().enumerate().map(|(k, x)| {
+            if k % 16 == 0 {
+                held = 1e-3 * random.normal();
+            }
+            x + held
+        });
+        let levels = NoiseLevels::new(1e-3, &[noisy.collect()]);
+        let density = levels.density(15.0);
+        assert!((5e-9..3e-8).contains(&density), "16 times 1e-9: {density}");
+    }
+
+    #[test]
+    fn a_signal_of_few_rows_has_no_noise() {
+        let levels = NoiseLevels::new(1e-3, &[vec![1.0; 10]]);
+        assert_eq!(
+            levels,
+            NoiseLevels {
+                step: 1e-3,
+                octaves: Vec::new()
+            }
+        );
+        assert!(levels.density(10.0) <= 0.0);
+    }
+}

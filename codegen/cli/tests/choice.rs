@@ -1,0 +1,119 @@
+//! The filter that is chosen where no option names one, as a user sees it.
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::common::{regen, root, scratch};
+use serde_json::Value;
+
+fn spec() -> String {
+    root().join("robots/fivebar.yaml").display().to_string()
+}
+
+/// A folder with a log of the five-bar: noise of its positions in rad, its efforts with 2 % of noise.
+fn simulated(test: &str, noise: &str) -> PathBuf {
+    let dir = scratch(test);
+    let words = format!(
+        "excite {} --out t.json --seed 1 --harmonics 5 --starts 1 --frequency 0.2",
+        spec()
+    );
+    regen(&dir, &words.split(' ').collect::<Vec<&str>>()).ended(0);
+    let words = format!(
+        "simulate {} --trajectory t.json --step 0.002 --duration 10 --noise {noise} --seed 3 --out log.csv",
+        spec()
+    );
+    regen(&dir, &words.split(' ').collect::<Vec<&str>>()).ended(0);
+    dir
+}
+
+fn identified(dir: &Path, more: &[&str]) -> Value {
+    let spec = spec();
+    let words = [&["identify", &spec, "log.csv", "--format", "json"], more].concat();
+    regen(dir, &words).ended(0).json()
+}
+
+/// The values of all parameters with their intervals and statuses.
+fn rows(found: &Value) -> Vec<(f64, f64, f64, String)> {
+    let all = found["parameters"].as_array().unwrap().iter();
+    let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+    all.map(|row| {
+        let status = row["status"].as_str().unwrap().to_owned();
+        (
+            number(row, "value"),
+            number(row, "low"),
+            number(row, "high"),
+            status,
+        )
+    })
+    .collect()
+}
+
+#[test]
+fn without_an_option_noisy_positions_give_what_exact_ones_give() {
+    let dir = simulated("choice_default", "1e-4,0.02");
+    let found = identified(&dir, &["--out", "p.json"]);
+    let filter = &found["filter"];
+    let cutoff = filter["cutoff"].as_f64().unwrap();
+    assert!((1.0..30.0).contains(&cutoff), "{filter}");
+    assert!(filter["candidates"].as_array().unwrap().len() > 3);
+
+    // its options repeat the choice to the last bit, and the file has it for predictions
+    let pinned = format!("{},{cutoff}", filter["order"]);
+    let every = filter["decimation"].to_string();
+    let repeated = identified(&dir, &["--butterworth", &pinned, "--decimate", &every]);
+    assert_eq!(rows(&found), rows(&repeated));
+    assert!(repeated["filter"].is_null());
+    let spec = spec();
+    let words = ["validate", &spec, "p.json", "log.csv", "--format", "json"];
+    let validated = regen(&dir, &words).ended(0).json();
+    assert_eq!(validated["filter"], *filter);
+    let text = regen(&dir, &["identify", &spec, "log.csv"]).ended(0).out;
+    assert!(text.contains(&format!("--butterworth {pinned}")), "{text}");
+
+    // the same motion and efforts with exact positions
+    let truth = simulated("choice_exact", "0,0");
+    let exact = identified(&truth, &["--butterworth", "4,40"]);
+    let pairs = rows(&found).into_iter().zip(rows(&exact));
+    let inside = pairs.filter(|((_, low, high, _), (value, ..))| (low..=high).contains(&value));
+    let (inside, all) = (inside.count(), rows(&exact).len());
+    assert!(10 * inside >= 9 * all, "{inside} of {all}");
+}
+
+#[test]
+fn values_that_noise_moves_far_are_biased_and_not_well() {
+    let dir = simulated("choice_biased", "1e-4,0.02");
+    let truth = simulated("choice_biased_exact", "0,0");
+    let exact = identified(&truth, &["--butterworth", "4,40"]);
+    let wide = identified(&dir, &["--butterworth", "4,60", "--no-suspicion"]);
+    let mut biased = 0;
+    for ((value, low, high, status), (actual, ..)) in rows(&wide).into_iter().zip(rows(&exact)) {
+        biased += usize::from(status == "biased");
+        let sigma = (high - low) / 4.0;
+        assert!(
+            status != "well" || (value - actual).abs() < 4.0 * sigma,
+            "{value} {actual} {sigma}"
+        );
+    }
+    assert!(biased > 2, "{wide}");
+    // the choice moves to where noise matters less than all else
+    let chosen = identified(&dir, &["--no-suspicion"]);
+    assert!(rows(&chosen).iter().all(|row| row.3 != "biased"));
+}
+
+#[test]
+fn the_short_help_of_identify_has_at_most_25_options() {
+    let dir = scratch("choice_help");
+    let help = regen(&dir, &["identify", "-h"]).ended(0).out;
+    // an option is followed by two blanks and its description
+    let options = help
+        .lines()
+        .map(str::trim_start)
+        .filter(|line| line.contains("  "));
+    let options = options.filter(|line| line.starts_with("--") || line.starts_with("-h,"));
+    let options: Vec<&str> = options.collect();
+    assert!(options.len() <= 25, "{}: {options:?}", options.len());
+    let all = regen(&dir, &["identify", "--help"]).ended(0).out;
+    assert!(all.contains("--fourier") && !help.contains("--fourier"));
+    fs::remove_dir_all(&dir).unwrap();
+}
