@@ -46,11 +46,11 @@ efforts, qd_NAME and qdd_NAME for measured velocities and accelerations. The
 positions of as many coordinates as the robot has degrees of freedom suffice,
 with the efforts of all actuated ones; the others follow from the loop closure.
 
-Without an option or a key that says how positions are differentiated, a filter is
-chosen from the logs: each cutoff of a grid is tried, and judged by what noise
-leaves unknown and by what noise of the positions biases. The line `filter` has
-the choice, the reasons and the options that repeat it; the file of --out has it
-for `validate`.
+Without an option or a key that says how positions are differentiated, a
+filter is chosen from the logs: each cutoff of a grid is tried, and judged by
+what noise leaves unknown and by what noise of the positions biases. The line
+`filter` has the choice, the reasons and the options that repeat it; the file
+of --out has it for `validate`.
 
 An experiment file, YAML, describes how logs are read: columns by name, number
 or pattern with units, factors and gains, files to join, rows and times, filter
