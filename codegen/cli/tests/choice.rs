@@ -8,7 +8,8 @@ use crate::common::{regen, root, scratch};
 use serde_json::Value;
 
 fn spec() -> String {
-    root().join("robots/fivebar.yaml").display().to_string()
+    let guide = root().join("runtime/guide/fivebar/fivebar.yaml");
+    guide.display().to_string()
 }
 
 /// A folder with a log of the five-bar: noise of its positions in rad, its efforts with 2 % of noise.
@@ -114,6 +115,6 @@ fn the_short_help_of_identify_has_at_most_25_options() {
     let options: Vec<&str> = options.collect();
     assert!(options.len() <= 25, "{}: {options:?}", options.len());
     let all = regen(&dir, &["identify", "--help"]).ended(0).out;
-    assert!(all.contains("--fourier") && !help.contains("--fourier"));
+    assert!(all.contains("--episode") && !help.contains("--episode"));
     fs::remove_dir_all(&dir).unwrap();
 }
