@@ -11,7 +11,7 @@ use crate::observe;
 
 /// Whether neither an option nor the experiment file says how positions are differentiated.
 pub(crate) fn is_open(reading: &ReadingArgs) -> bool {
-    observe::settings(reading).method == Method::Central
+    !reading.no_filter && observe::settings(reading).method == Method::Central
 }
 
 /// Chooses a filter from the logs where none is given, and sets the options that pin it; returns the

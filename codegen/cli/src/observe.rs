@@ -132,7 +132,9 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     if let Some(velocities) = reading.velocities {
         settings.measured_rates = velocities == VelocitiesArg::Measured;
     }
-    if let Some((frequency, harmonics)) = reading.fourier {
+    if reading.no_filter {
+        settings.method = Method::Central;
+    } else if let Some((frequency, harmonics)) = reading.fourier {
         settings.method = Method::Fourier {
             frequency,
             harmonics,

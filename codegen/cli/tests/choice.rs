@@ -72,6 +72,10 @@ fn without_an_option_noisy_positions_give_what_exact_ones_give() {
     let text = regen(&dir, &["identify", &spec, "log.csv"]).ended(0).out;
     assert!(text.contains(&format!("--butterworth {pinned}")), "{text}");
 
+    let unfiltered = identified(&dir, &["--no-filter", "--no-suspicion"]);
+    assert!(unfiltered["filter"].is_null());
+    assert_ne!(rows(&unfiltered), rows(&found));
+
     // the same motion and efforts with exact positions
     let truth = simulated("choice_exact", "0,0");
     let exact = identified(&truth, &["--butterworth", "4,40"]);
@@ -97,6 +101,13 @@ fn values_that_noise_moves_far_are_biased_and_not_well() {
         );
     }
     assert!(biased > 2, "{wide}");
+    let spec = spec();
+    let words = ["identify", &spec, "log.csv", "--butterworth", "4,60"];
+    let text = regen(&dir, &words).ended(0).out;
+    assert!(
+        text.contains("biased        noise of the measured motion"),
+        "{text}"
+    );
     // the choice moves to where noise matters less than all else
     let chosen = identified(&dir, &["--no-suspicion"]);
     assert!(rows(&chosen).iter().all(|row| row.3 != "biased"));

@@ -48,6 +48,10 @@ pub(crate) struct ReadingArgs {
     /// Fit cubic polynomials within this time in s on either side
     #[arg(long, value_name = "S", group = "method", hide_short_help = true)]
     pub(crate) local: Option<f64>,
+    /// Use no filter, but central differences of the positions as they are, for logs that
+    /// were filtered before
+    #[arg(long, group = "method", hide_short_help = true)]
+    pub(crate) no_filter: bool,
     /// Use only every N-th state, after filtering
     #[arg(long, value_name = "N", value_parser = at_least_one, hide_short_help = true)]
     pub(crate) decimate: Option<usize>,

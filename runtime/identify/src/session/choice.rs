@@ -5,8 +5,9 @@
 //! geometric grid is tried on the log itself, at a rate that suits it: the covariance of its estimate
 //! is what noise leaves unknown, and simulation and extrapolation give the bias (errors in variables).
 //! Noise that neither knows of, such as that of a wandering clock, shows where an estimate differs from
-//! those of lower cutoffs by more than the deviations of both (Lepskii, 1991). The cutoff with the
-//! smallest mean square of all three, as errors of efforts, is chosen.
+//! those of lower cutoffs by more than the deviations of both (Lepskii, 1991). All three are errors of
+//! efforts. Of the cutoffs whose mean square is nearly the smallest, the highest within two octaves is
+//! chosen.
 
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};

@@ -177,6 +177,11 @@ fn parameters(file: &ParameterFile) -> String {
                     uncertainty is above 0.01 % of them";
         out.push_str(&field("zero", text));
     }
+    if file.parameters.iter().any(|p| p.status == Status::Biased) {
+        let text = "noise of the measured motion may move it by more than all other errors do; its sigma \
+                    contains that";
+        out.push_str(&field("biased", text));
+    }
     out
 }
 
