@@ -225,7 +225,6 @@ mod tests {
         for (value, bias, status) in [
             (1.0, 0.009, Status::Biased),
             (1.0, 0.005, Status::Well),
-            (0.015, 0.009, Status::Zero),
             (0.05, 0.009, Status::Biased),
         ] {
             let found = shares.status_with_bias(0, value, 0.01, bias);

@@ -132,13 +132,15 @@ class InspectOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
+    #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
+    no_filter: bool
     #: Write a first experiment file; an existing file is not replaced
     out: Value | None
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
-    #: The treatment of faulty rows [default: fail]
+    #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
     problems: Value | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
@@ -179,11 +181,13 @@ class ObserveOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
+    #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
+    no_filter: bool
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
-    #: The treatment of faulty rows [default: fail]
+    #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
     problems: Value | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
@@ -268,6 +272,8 @@ class IdentifyOptions(TypedDict, total=False):
     loop_bandwidth: Value | None
     #: The Rust path of the robot's generated module, seen from the constants, which compile with that model only [default: super::ROBOT]
     module: Value | None
+    #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
+    no_filter: bool
     #: Do not look for swapped columns, flipped signs, wrong units and the like
     no_suspicion: bool
     #: Write the parameters for `validate` and `export`: YAML if PARAMS ends in .yaml, else JSON
@@ -282,7 +288,7 @@ class IdentifyOptions(TypedDict, total=False):
     pid: Values | None
     #: Use the spec's nominal values as a prior: `weighted` or `weighted:PERCENT`, with standard deviations in percent of them [default 30], or `entropic` or `entropic:WEIGHT`, with the divergence of pseudo-inertias [default 1]
     prior: Value | None
-    #: The treatment of faulty rows [default: fail]
+    #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
     problems: Value | None
     #: Write the parameters as a Python module, with a check of the model
     python: Value | None
@@ -343,13 +349,15 @@ class ValidateOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
+    #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
+    no_filter: bool
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
     #: Write measured and predicted efforts of all logs here, CSV
     predict: Value | None
-    #: The treatment of faulty rows [default: fail]
+    #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
     problems: Value | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
@@ -392,11 +400,13 @@ class ReportOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
+    #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
+    no_filter: bool
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
-    #: The treatment of faulty rows [default: fail]
+    #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
     problems: Value | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None

@@ -7,8 +7,9 @@ const POINTS: usize = 7;
 const GAIN: f64 = 924.0;
 /// The least number of differences from which a level is computed.
 const MIN_DIFFERENCES: usize = 24;
-/// Differences of more than so many medians are steps of the motion, and count as that many.
-const CLIPPED_MEDIANS: f64 = 12.0;
+/// Squared differences of more than so many times the one that nine in ten are below are steps of the
+/// motion, and count as that many.
+const CLIPPED: f64 = 16.0;
 /// The density of noise grows by at most this factor from one octave to the next lower one: that of a
 /// wandering clock grows by four at most, and the differences of a motion grow by thousands.
 const MAX_GROWTH: f64 = 6.0;
@@ -80,10 +81,10 @@ fn variance(stretches: &[Vec<f64>]) -> Option<f64> {
     if squares.len() < MIN_DIFFERENCES {
         return None;
     }
-    let middle = squares.len() / 2;
-    let (_, median, _) = squares.select_nth_unstable_by(middle, f64::total_cmp);
-    let bound = if *median > 0.0 {
-        CLIPPED_MEDIANS * CLIPPED_MEDIANS * *median
+    let place = squares.len() * 9 / 10;
+    let (_, large, _) = squares.select_nth_unstable_by(place, f64::total_cmp);
+    let bound = if *large > 0.0 {
+        CLIPPED * *large
     } else {
         f64::INFINITY
     };
