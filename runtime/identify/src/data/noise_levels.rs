@@ -126,18 +126,17 @@ mod tests {
 
     #[test]
     fn noise_of_low_frequency_is_larger_there() {
-        // each value of the noise lasts for 16 rows
-        let mut random = Random(3);
-        let mut held = 0.0;
-        let noisy = moved(0.0).into_iter().enumerate().map(|(k, x)| {
-            if k % 16 == 0 {
-                held = 1e-3 * random.normal();
-            }
-            x + held
+        // correlated over 15 rows: 29 times the density of white noise at low frequencies
+        let (mut random, mut last) = (Random(3), 0.0);
+        let part: f64 = 1.0 - 1.0 / 15.0;
+        let noisy = moved(0.0).into_iter().map(|x| {
+            last = part * last + 1e-3 * (1.0 - part * part).sqrt() * random.normal();
+            x + last
         });
         let levels = NoiseLevels::new(1e-3, &[noisy.collect()]);
-        let density = levels.density(15.0);
-        assert!((5e-9..3e-8).contains(&density), "16 times 1e-9: {density}");
+        let [low, high] = [3.0, 300.0].map(|frequency| levels.density(frequency));
+        assert!((1e-8..6e-8).contains(&low), "{low:e}");
+        assert!(low > 50.0 * high, "{low:e} {high:e}");
     }
 
     #[test]
