@@ -46,7 +46,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
     /// - `fit`: the least-squares parameters of logs.
     ///
     /// # Errors
-    /// Those of `fit`.
+    /// When `fit` gives one: the noisy logs do not determine the parameters, or cannot be read.
     pub(super) fn bias(
         mut self,
         logs: &Logs<'m, M>,
