@@ -79,7 +79,7 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
     let mut out = field(
         "filter",
         &format!(
-            "--butterworth {},{} --decimate {}{grid}, chosen from {} cutoffs by",
+            "--butterworth {},{} --decimate {}{grid}, the mean of {} cutoffs by their errors:",
             choice.order,
             choice.cutoff,
             choice.decimation,
@@ -99,10 +99,11 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
             share(own.bias)
         )
     };
-    let place = choice
-        .candidates
-        .iter()
-        .position(|own| (own.cutoff - choice.cutoff).abs() <= 0.0);
+    let far = |own: &Candidate| (own.cutoff / choice.cutoff).max(choice.cutoff / own.cutoff);
+    let places = choice.candidates.iter().enumerate();
+    let place = places
+        .min_by(|a, b| far(a.1).total_cmp(&far(b.1)))
+        .map(|(k, _)| k);
     let last = choice.candidates.len().saturating_sub(1);
     let first = (place != Some(0)).then_some(0);
     let mut shown: Vec<usize> = first.into_iter().chain(place).collect();
