@@ -1,13 +1,17 @@
 //! The filter that is chosen from the logs where no option names one.
 
+use regen_experiment::instruments::instrumental;
 use regen_identify::data::Run;
-use regen_identify::session::{Choice, Session, chosen};
+use regen_identify::files::ParameterFile;
+use regen_identify::session::{Choice, Session, chosen, from_logs};
 use regen_identify::signals::Method;
+use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::Interpreted;
+use regen_report::results::BiasRemedy;
 
-use crate::args::ReadingArgs;
+use crate::args::{IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
-use crate::observe;
+use crate::{identify, observe};
 
 /// Whether neither an option nor the experiment file says how positions are differentiated.
 pub(crate) fn is_open(reading: &ReadingArgs) -> bool {
@@ -39,4 +43,66 @@ pub(crate) fn pin(choice: &Choice, reading: &mut ReadingArgs) {
         reading.decimate = Some(choice.decimation);
     }
     reading.resample = settings.resample.or(choice.resample);
+}
+
+/// What leaves fewer values biased than the result of least squares does, tried on the same logs: the
+/// filter that would be chosen in place of a given one, else instrumental variables; `None` where no value
+/// is biased.
+///
+/// - `filter`: the one that was chosen, `None` where it was given.
+pub(crate) fn bias_remedy(
+    args: &IdentifyArgs,
+    model: &Interpreted<'_>,
+    file: &ParameterFile,
+    filter: Option<&Choice>,
+) -> Result<Option<BiasRemedy>, Failure> {
+    let before = biased(file);
+    if before == 0 || args.logs.is_empty() || args.iv {
+        return Ok(None);
+    }
+    let session = identify::session(args, model);
+    if filter.is_none()
+        && let Some(choice) = chosen(&session, &args.logs)?
+    {
+        let mut other = args.clone();
+        (other.reading.local, other.reading.fourier) = (None, None);
+        (other.reading.no_filter, other.reading.decimate) = (false, None);
+        pin(&choice, &mut other.reading);
+        let session = identify::session(&other, model);
+        let start = from_logs(&session, &mut session.open(&other.logs)?)?;
+        let shares = EffortContributions::of(&start.factor);
+        let found = start.model();
+        let other = ParameterFile::new(model, &found, &shares, Vec::new(), args.confidence)?;
+        let after = biased(&other);
+        if after < before {
+            return Ok(Some(BiasRemedy {
+                options: format!(
+                    "--butterworth {},{} --decimate {}",
+                    choice.order, choice.cutoff, choice.decimation
+                ),
+                unchanged: after,
+            }));
+        }
+    }
+    let start = from_logs(&session, &mut session.open(&args.logs)?)?;
+    let found = instrumental(&session, &start, &args.logs, None).ok();
+    let found = found.filter(|own| own.instrumental.converged);
+    let closer = found.map_or(0, |own| {
+        let pairs = file.parameters.iter().zip(&own.model.intervals.base);
+        let closer = pairs.filter(|(row, interval)| {
+            row.status == Status::Biased && interval.is_some_and(|own| own.sigma < row.sigma)
+        });
+        closer.count()
+    });
+    let options = if 2 * closer > before { "--iv" } else { "" };
+    Ok(Some(BiasRemedy {
+        options: options.to_owned(),
+        unchanged: before - closer,
+    }))
+}
+
+/// How many values of a file are biased.
+fn biased(file: &ParameterFile) -> usize {
+    let rows = file.parameters.iter();
+    rows.filter(|row| row.status == Status::Biased).count()
 }

@@ -104,6 +104,10 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     } else {
         solve(args, &model)?
     };
+    if !has_loads && !simulates {
+        let remedy = choice::bias_remedy(args, &model, &json.file, filter.as_ref())?;
+        json.summary.bias_remedy = remedy;
+    }
     json.file.filter.clone_from(&filter);
     identified.provenance.filter = filter;
     let mut written = Vec::new();

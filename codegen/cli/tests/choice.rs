@@ -108,6 +108,20 @@ fn values_that_noise_moves_far_are_biased_and_not_well() {
         text.contains("biased        noise of the measured motion"),
         "{text}"
     );
+    // the remedy that is printed was tried, and works
+    let remedy = &wide["bias_remedy"];
+    let options: Vec<&str> = remedy["options"].as_str().unwrap().split(' ').collect();
+    let remedied = identified(&dir, &[&options[..], &["--no-suspicion"]].concat());
+    let left = rows(&remedied)
+        .iter()
+        .filter(|row| row.3 == "biased")
+        .count();
+    assert_eq!(
+        (left, remedy["unchanged"].as_u64()),
+        (0, Some(0)),
+        "{remedy}"
+    );
+    assert!(text.contains(options[0]), "{text}");
     // the choice moves to where noise matters less than all else
     let chosen = identified(&dir, &["--no-suspicion"]);
     assert!(rows(&chosen).iter().all(|row| row.3 != "biased"));

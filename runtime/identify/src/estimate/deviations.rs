@@ -253,7 +253,7 @@ impl Blocks {
             .collect();
         let bread = Bread {
             inverse: &inverse,
-            has_too_few_rows: factor.has_too_few_rows(),
+            rows: factor.rows(),
         };
         let found = self.deviations_with(&bread, kept, values)?;
         let changes = self.changes(factor, kept);
@@ -264,24 +264,37 @@ impl Blocks {
     /// parameters of these scores.
     ///
     /// - `inverse`: `(Z^T W)^-1`, n x n, row by row, of the weighted instruments and regressor;
-    /// - `has_too_few_rows`: whether there are so few equations, less than three for two
-    ///   parameters, that their residuals do not show the noise.
+    /// - `rows`: the number of equations.
     ///
     /// # Errors
     /// When the size does not fit.
     pub(crate) fn deviations_of_instruments(
         &self,
         inverse: &[f64],
-        has_too_few_rows: bool,
+        rows: usize,
     ) -> Result<Deviations, EstimateError> {
         let n = self.parameters;
         size("inverse", n * n, inverse.len())?;
         let all: Vec<usize> = (0..n).collect();
         let bread = Bread {
             inverse,
-            has_too_few_rows,
+            rows,
         };
         self.deviations_with(&bread, &all, &self.values)
+    }
+
+    /// The factor of the covariance for what its correction leaves: the fit makes the residuals smaller
+    /// and the memory that is computed from them shorter, by the part of the independent equations that
+    /// its parameters use up, and the correction is computed from that memory. Infinite where there are no
+    /// more independent equations than parameters, or less than three equations for two parameters.
+    fn growth(&self, rows: usize, parameters: usize) -> f64 {
+        let independent = rows as f64 / self.memory.clamp(1.0, self.samples().max(1) as f64);
+        let part = parameters as f64 / independent;
+        if part < 1.0 && 2 * rows >= 3 * parameters {
+            1.0 / (1.0 - part * part)
+        } else {
+            f64::INFINITY
+        }
     }
 
     fn deviations_with(
@@ -335,9 +348,12 @@ impl Blocks {
                 degrees_of_freedom[a] = 1.0;
             }
         }
-        if bread.has_too_few_rows {
-            scale.fill(f64::INFINITY);
-            degrees_of_freedom.fill(1.0);
+        let growth = self.growth(bread.rows, k);
+        for (scale, degrees_of_freedom) in scale.iter_mut().zip(&mut degrees_of_freedom) {
+            *scale *= growth;
+            if growth.is_infinite() {
+                *degrees_of_freedom = 1.0;
+            }
         }
         let mut covariance = vec![0.0; k * k];
         for a in 0..k {
@@ -382,7 +398,8 @@ fn root_of(covariance: &[f64], n: usize) -> Vec<f64> {
 struct Bread<'a> {
     /// `(W^T W)^-1`, or `(Z^T W)^-1` with instruments; row by row.
     inverse: &'a [f64],
-    has_too_few_rows: bool,
+    /// The number of equations.
+    rows: usize,
 }
 
 /// cos(pi m s) at the middle s of each block, m = 0, 1, ..., with s from 0 to 1 over the log.

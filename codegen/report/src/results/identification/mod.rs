@@ -16,6 +16,6 @@ pub use logs::{LogFile, filter_text, resting};
 pub use models::stem;
 pub use simulated::{Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};
-pub use summary::{EffortSummary, Identification, ModelErrors, Summary, Suspected};
+pub use summary::{BiasRemedy, EffortSummary, Identification, ModelErrors, Summary, Suspected};
 pub use text::identification_text;
 pub use warnings::{coarse_friction, noisy_accelerations, too_few, too_short, unexplained};

@@ -67,9 +67,36 @@ pub struct Summary {
     /// The result of an estimator that simulates the controlled robot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulated: Option<Simulated>,
+    /// What was tried against values that noise of the motion biases; `None` where there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bias_remedy: Option<BiasRemedy>,
     /// Columns of the logs that look wrong.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub suspicions: Vec<Suspected>,
+}
+
+/// What was tried on the same logs against values that noise of the motion biases.
+#[derive(Serialize)]
+pub struct BiasRemedy {
+    /// The options that help most of them; empty if neither another filter nor instrumental variables do.
+    pub options: String,
+    /// How many of them are biased with these options too, or have a deviation that is not smaller.
+    pub unchanged: usize,
+}
+
+impl BiasRemedy {
+    /// What helps, in words.
+    pub(super) fn to_text(&self) -> String {
+        match (self.options.as_str(), self.unchanged) {
+            ("", _) => "neither another filter nor --iv helps (tried): move slower, or measure \
+                        positions more finely"
+                .to_owned(),
+            (options, 0) => format!("{options} determines all of them better (tried)"),
+            (options, some) => {
+                format!("{options} determines all but {some} of them better (tried)")
+            }
+        }
+    }
 }
 
 /// The noise of an effort by least squares and, if logs were read, the error of the adopted model.

@@ -11,7 +11,7 @@ use regen_identify::text::{figure, figure_of};
 use super::delays::delays_text;
 use super::models::models_text;
 use super::steps::reduction_text;
-use super::{Identification, Simulated, Summary, filter_text, resting};
+use super::{BiasRemedy, Identification, Simulated, Summary, filter_text, resting};
 
 /// The largest relative standard deviation that is printed, in percent; a larger one is printed as
 /// `>1000`.
@@ -61,7 +61,7 @@ pub fn identification_text(found: &Identification, delay_remedy: &str) -> String
     out.push('\n');
     out.push_str(&efforts(summary));
     out.push('\n');
-    out.push_str(&parameters(file));
+    out.push_str(&parameters(file, summary.bias_remedy.as_ref()));
     out.push_str(&loads(file));
     if let Some(simulated) = &summary.simulated {
         out.push_str(&simulated.to_tables());
@@ -139,7 +139,7 @@ fn efforts(json: &Summary) -> String {
     columns(if known { &head } else { &head[..3] }, &lines)
 }
 
-fn parameters(file: &ParameterFile) -> String {
+fn parameters(file: &ParameterFile, remedy: Option<&BiasRemedy>) -> String {
     let lines: Vec<Vec<String>> = file
         .parameters
         .iter()
@@ -181,6 +181,9 @@ fn parameters(file: &ParameterFile) -> String {
         let text = "noise of the measured motion may move it by more than all other errors do; its sigma \
                     contains that";
         out.push_str(&field("biased", text));
+        if let Some(remedy) = remedy {
+            out.push_str(&field("", &remedy.to_text()));
+        }
     }
     out
 }
