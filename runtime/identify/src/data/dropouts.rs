@@ -39,7 +39,8 @@ const MIN_UNBRAKED_PART: f64 = 0.7;
 /// The same of signals that change in every row, of the larger one of the last two changes before, and
 /// of the first two after; 0.57 is that of a constant deceleration.
 const MIN_SHARP_PART: f64 = 0.7;
-/// The least change over a stretch of one of these signals, in its next change.
+/// The least change over a stretch of one of these signals, in its next change, and of one with noise, in
+/// the root mean square of those around.
 const MIN_JUMP_RATIO: f64 = 2.0;
 /// The number of dropouts of the same signals by which an effort that repeats its largest value is known
 /// as another one: alone, it may be at its limit.
@@ -158,6 +159,9 @@ struct Judged {
     moved_steps: Vec<usize>,
     /// The entries with noise on both sides, and their values.
     noisy: Vec<(usize, f64)>,
+    /// Those of them that do not show more than the noise of one change after the stretch: noise of a clock
+    /// ends with the motion, so positions may have rested, and if they did not, then nothing is lost.
+    unmoved: Vec<usize>,
     /// The entries that changed in every row on both sides, and did not come to rest; with their values.
     sharp: Vec<(usize, f64)>,
     /// Whether most of what repeats together did so, as far as a few rows on either side tell.
@@ -300,6 +304,7 @@ impl DropoutFinder {
     fn judge(&mut self, open: Open) {
         let (mut moved, mut moved_steps) = (Vec::new(), Vec::new());
         let (mut noisy, mut sharp) = (Vec::new(), Vec::new());
+        let mut unmoved = Vec::new();
         let mut alike = 0;
         let mut jumps = false;
         for member in &open.members {
@@ -325,6 +330,12 @@ impl DropoutFinder {
             alike += usize::from(all && sides.contains(&true));
             if !open.leads && has_noise(&member.before, &after) {
                 noisy.push((member.entry, member.value));
+                let around = member.before.iter().chain(&after);
+                let square = around.clone().map(|c| c * c).sum::<f64>();
+                let usual = (square / around.count().max(1) as f64).sqrt();
+                if member.jump.abs() < MIN_JUMP_RATIO * usual {
+                    unmoved.push(member.entry);
+                }
             }
         }
         self.keep(Judged {
@@ -333,6 +344,7 @@ impl DropoutFinder {
             moved,
             moved_steps,
             noisy,
+            unmoved,
             sharp: if jumps { sharp } else { Vec::new() },
             alike: !open.leads && alike > 0 && 2 * alike >= open.members.len(),
         });
@@ -395,6 +407,7 @@ impl DropoutFinder {
             rows,
             moved,
             moved_steps: Vec::new(),
+            unmoved: noisy.iter().map(|(entry, _)| *entry).collect(),
             noisy,
             sharp: Vec::new(),
             alike: false,
@@ -474,8 +487,11 @@ impl DropoutFinder {
             let own = all.iter().filter(|own| limited || !is_limited(own));
             own.map(|(entry, _)| *entry).collect::<Vec<usize>>()
         };
+        let tells = |entry: &usize| efforts.contains(entry) || !judged.unmoved.contains(entry);
+        let noisy = judged.noisy.iter().copied();
+        let noisy: Vec<(usize, f64)> = noisy.filter(|(entry, _)| tells(entry)).collect();
         let are_rare = |limited: bool| {
-            let both = [&judged.noisy, &sharp];
+            let both = [&noisy, &sharp];
             both.into_iter().any(|all| is_rare(&entries(all, limited)))
         };
         if are_rare(false) {
@@ -696,6 +712,19 @@ mod tests {
             [x, -x, 3.0 * x.sin() + f, x.cos() - f]
         };
         assert_eq!(found(1400, friction), []);
+        // measured at instants off those of the rows: noise that ends with the motion
+        let off = |row: usize| {
+            let t = row as f64 + 2.0 * noise(row, 4);
+            let move_of = |k: u32| eased(((t - 60.0 * f64::from(k)) / 40.0).clamp(0.0, 1.0));
+            let x: f64 = (0..20).map(move_of).sum();
+            [
+                x,
+                -x,
+                3.0 * x.sin() + 0.1 * noise(row, 2),
+                x.cos() + 0.1 * noise(row, 3),
+            ]
+        };
+        assert_eq!(found(1300, off), []);
         // everything as in the first row, for long
         let waits = |row: usize| swinging(row.saturating_sub(300));
         assert_eq!(

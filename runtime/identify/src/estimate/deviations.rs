@@ -276,10 +276,7 @@ impl Blocks {
         let n = self.parameters;
         size("inverse", n * n, inverse.len())?;
         let all: Vec<usize> = (0..n).collect();
-        let bread = Bread {
-            inverse,
-            rows,
-        };
+        let bread = Bread { inverse, rows };
         self.deviations_with(&bread, &all, &self.values)
     }
 

@@ -48,8 +48,7 @@ pub(super) fn deviations<E: InstrumentedEquations>(
     })?;
     let blocks = scores.finish(&solution.values)?;
     let factor = &solution.factor;
-    let deviations =
-        blocks.deviations_of_instruments(&solution.inverse, factor.rows())?;
+    let deviations = blocks.deviations_of_instruments(&solution.inverse, factor.rows())?;
     let variance = if factor.has_too_few_rows() {
         f64::INFINITY
     } else {
