@@ -26,4 +26,4 @@ pub use data::{FrictionData, FrictionJoint, directions};
 pub use fit::{FrictionFit, JointFit, fit};
 pub use intervals::{FrictionIntervals, intervals};
 pub use passes::{JointEfforts, collect, nonlinear_joints, residuals};
-pub(crate) use passes::{discretisation, with_linear_friction};
+pub(crate) use passes::{discretisation, observe_linear_friction, with_linear_friction};

@@ -4,11 +4,11 @@
 use core::cell::RefCell;
 
 use super::{FrictionData, FrictionJoint, JointFit, directions};
-use crate::estimate::{EstimateError, QrFactor, Residuals};
+use crate::estimate::{EstimateError, FactorSet, QrFactor, Residuals};
 use crate::feasibility::FeasibilityError;
 use crate::identify::{
     ChangedEfforts, ChangedParameters, Columns, EquationBuilder, EquationKind, Identified, LeftOut,
-    Options, Source, StateSample, equations, identify_with_columns,
+    Options, Source, StateSample, equations, identify_with_columns, observe_with_columns,
 };
 use regen_runtime::{BaseModel, SizeError, Status};
 
@@ -244,6 +244,26 @@ pub(crate) fn with_linear_friction<M: BaseModel<f64> + ?Sized, S: Source + ?Size
 where
     S::Error: From<FeasibilityError>,
 {
+    let (columns, labels) = linear_columns(model)?;
+    identify_with_columns(model, options, source, Box::new(columns), &labels)
+}
+
+/// The QR factors of the same columns, one for each effort.
+pub(crate) fn observe_linear_friction<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+) -> Result<FactorSet, S::Error>
+where
+    S::Error: From<FeasibilityError>,
+{
+    let (columns, labels) = linear_columns(model)?;
+    observe_with_columns(model, source, Box::new(columns), &labels)
+}
+
+/// The columns of linear friction of the joints whose friction is nonlinear, with their labels.
+fn linear_columns<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+) -> Result<(LinearFriction<'_, M>, Vec<String>), FeasibilityError> {
     let joints = nonlinear_joints(model);
     let places = places(model, joints.iter().map(|joint| joint.name.clone()))?;
     let labels = joints.iter().flat_map(|joint| {
@@ -251,8 +271,7 @@ where
         [label("Fc"), label("Fv")]
     });
     let labels: Vec<String> = labels.collect();
-    let columns = LinearFriction { model, places };
-    identify_with_columns(model, options, source, Box::new(columns), &labels)
+    Ok((LinearFriction { model, places }, labels))
 }
 
 /// By how much each parameter would change with other derivatives of the positions, with linear friction

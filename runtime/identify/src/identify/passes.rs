@@ -265,6 +265,19 @@ pub(crate) fn identify_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Siz
     identify_replayed(&mut replay, options, true)
 }
 
+/// As [`observe`] from the equations of motion, with further parameters behind the base parameters.
+///
+/// - `columns`, `labels`: those of the further parameters, as many.
+pub(crate) fn observe_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+    columns: Box<dyn Columns + '_>,
+    labels: &[String],
+) -> Result<FactorSet, S::Error> {
+    super::require("labels", columns.count(), labels.len())?;
+    reduce(&mut Replay::with_parameters(model, source, columns, labels).once())
+}
+
 /// A step of Gauss's and Newton's method: identifies base parameters from the equations
 /// `e + J at = J x`, where e is the difference of the measured right-hand sides and those that are
 /// predicted with the base parameters `at`, and J are the derivatives of the predicted ones. J differs

@@ -17,11 +17,11 @@
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 
-use super::motion_noise::{NoisyLogs, is_undetermined, rates, values, whole};
+use super::motion_noise::{NoisyLogs, is_undetermined, rates, weighted, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
-use crate::friction::{nonlinear_joints, with_linear_friction};
+use crate::friction::{nonlinear_joints, observe_linear_friction, with_linear_friction};
 use crate::identify::{self, EquationKind, Options};
 use crate::signals::{Method, SignalError};
 
@@ -374,18 +374,27 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         let mut pairs = lower.bias.iter().enumerate();
         pairs.all(|(k, bias)| GROWTH * bias.abs() < NEGLIGIBLE * found.deviations.sigma(k))
     });
-    let bias = match negligible {
+    let mut correction = None;
+    let bias: Vec<f64> = match negligible {
         Some(lower) => lower.bias.iter().map(|bias| GROWTH * bias).collect(),
-        None => noisy.bias(&thinned, levels, cutoff, |logs| {
-            if is_linear {
-                values(session, &weights, logs)
-            } else {
-                let found = with_linear_friction(session.model, &options, logs)?;
-                Ok(found.estimate.values)
-            }
-        })?,
+        None => {
+            // Huber's weights are of the equations, those of the bias of the efforts alone
+            let without = options.huber.is_none().then_some(&found.factor);
+            let found = noisy.bias(&thinned, levels, cutoff, without, |logs| {
+                if is_linear {
+                    weighted(session, &weights, logs)
+                } else {
+                    let set = observe_linear_friction(session.model, logs)?;
+                    Ok(set.combined(&weights)?)
+                }
+            });
+            let found = found?;
+            correction = Some(found.correction);
+            found.size
+        }
     };
-    let pairs = found.estimate.values.iter().zip(&bias);
+    let correction = correction.as_ref().unwrap_or(&bias);
+    let pairs = found.estimate.values.iter().zip(correction);
     Ok(Trial {
         cutoff,
         values: pairs.map(|(x, bias)| x - bias).collect(),

@@ -3,13 +3,16 @@
 //! Least squares takes the regressor as exact. Noise of the positions makes its columns larger than
 //! those of the motion and their parameters too small, which no residual reveals. Simulation and
 //! extrapolation (Cook and Stefanski, 1994) show by how much: noise that is like the log's own is added
-//! to the positions, and subtracted from them; the mean of both fits differs from the fit without it by
-//! what the added noise biases, and its own part is the same.
+//! to the positions, and subtracted from them. The mean of both normal equations differs from those
+//! without it by the part of the noise, which is proportional to its variance: without that part the
+//! equations are those of the motion (Fuller, 1987, Measurement Error Models).
 
+use nalgebra::linalg::SymmetricEigen;
+use nalgebra::{DMatrix, DVector};
 use regen_runtime::BaseModel;
 
 use crate::data::{DataError, Logs, NoiseLevels};
-use crate::estimate::EstimateError;
+use crate::estimate::{EstimateError, QrFactor};
 use crate::identify::{Filtering, Identified, Source, StateSample, observe};
 use crate::signals::Method;
 
@@ -17,6 +20,11 @@ use super::Session;
 
 /// The added noise over that of the log.
 const SCALE: f64 = 0.5;
+/// Where noise is a larger part of what determines a combination of parameters, it counts as this part:
+/// the size of the noise is known to a few percent.
+const MAX_NOISE_PART: f64 = 0.95;
+/// The same for the correction of the values: a larger one is not known well enough.
+const MAX_CORRECTED_PART: f64 = 0.5;
 
 /// Logs to whose motion noise is added, with the rests of the motion without it: other equations that are
 /// left out would move the parameters by more than the noise does.
@@ -37,38 +45,93 @@ impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
         }
     }
 
-    /// By how much the noise of the motion changes each least-squares parameter, SI: the values that are
-    /// found less those without noise, to the first order of its variance.
+    /// What noise of the motion biases of the least-squares parameters.
     ///
     /// - `logs`: those that these were made from;
     /// - `levels`: the noise levels of the columns of motion of each log;
     /// - `cutoff`: the frequency up to which the equations keep noise, Hz;
-    /// - `fit`: the least-squares parameters of logs.
+    /// - `without`: the weighted factor of these logs, where it is known;
+    /// - `factor`: the factor of logs with the same weights.
     ///
     /// # Errors
-    /// When `fit` gives one: the noisy logs do not determine the parameters, or cannot be read.
+    /// When `factor` gives one: the noisy logs cannot be read.
     pub(super) fn bias(
         mut self,
         logs: &Logs<'m, M>,
         levels: &[Vec<NoiseLevels>],
         cutoff: f64,
-        mut fit: impl FnMut(&mut Self) -> Result<Vec<f64>, DataError>,
-    ) -> Result<Vec<f64>, DataError> {
+        without: Option<&QrFactor>,
+        mut factor: impl FnMut(&mut Self) -> Result<QrFactor, DataError>,
+    ) -> Result<MotionBias, DataError> {
         let deviations: Vec<Vec<f64>> = (logs.durations().iter().zip(levels))
             .map(|((step, _), levels)| {
                 let deviation = |own: &NoiseLevels| (own.density(cutoff) / step).sqrt();
                 levels.iter().map(deviation).collect()
             })
             .collect();
-        let without = fit(&mut self)?;
+        let without = match without {
+            Some(known) => known.clone(),
+            None => factor(&mut self)?,
+        };
         self.logs = logs.disturbed(SCALE, &deviations);
-        let added = fit(&mut self)?;
+        let added = factor(&mut self)?;
         self.logs = logs.disturbed(-SCALE, &deviations);
-        let subtracted = fit(&mut self)?;
-        let pairs = added.iter().zip(&subtracted).zip(&without);
-        Ok(pairs
-            .map(|((a, b), x)| (0.5 * (a + b) - x) / (SCALE * SCALE))
-            .collect())
+        let subtracted = factor(&mut self)?;
+        MotionBias::new(&without, [&added, &subtracted])
+    }
+}
+
+/// What noise of the motion biases of least-squares parameters.
+pub(super) struct MotionBias {
+    /// By how much it may have moved each of them, SI.
+    pub(super) size: Vec<f64>,
+    /// What is to be subtracted from them, SI: as much, but less where most of what determines a
+    /// combination of them is noise.
+    pub(super) correction: Vec<f64>,
+}
+
+impl MotionBias {
+    /// From the weighted factor of a log, and those with noise that was added and subtracted.
+    fn new(without: &QrFactor, noisy: [&QrFactor; 2]) -> Result<Self, DataError> {
+        let n = without.columns();
+        let square = |own: &QrFactor| DMatrix::from_column_slice(n, n, own.r());
+        let right = |own: &QrFactor| DVector::from_column_slice(own.z());
+        let r = square(without);
+        let (gram, moment) = (r.tr_mul(&r), r.tr_mul(&right(without)));
+        let mut noise = (-&gram, -&moment);
+        for own in noisy {
+            let r = square(own);
+            noise.0 += 0.5 * r.tr_mul(&r);
+            noise.1 += 0.5 * r.tr_mul(&right(own));
+        }
+        // with R^T R = W^T W: the part of noise in R^-T W^T W R^-1 = 1 and in R^-T W^T tau = z
+        let undetermined = || EstimateError::NoConvergence;
+        let transposed = r.transpose();
+        let solve = |own: &DMatrix<f64>| transposed.solve_lower_triangular(own);
+        let half = solve(&noise.0).ok_or_else(undetermined)?.transpose();
+        let part = solve(&half).ok_or_else(undetermined)? / (SCALE * SCALE);
+        let moment = transposed.solve_lower_triangular(&noise.1);
+        let moment = moment.ok_or_else(undetermined)? / (SCALE * SCALE);
+        let part = 0.5 * (&part + part.transpose());
+        if part.iter().chain(moment.iter()).any(|x| !x.is_finite()) {
+            return Err(undetermined().into());
+        }
+        let eigen = SymmetricEigen::new(part);
+        let z = right(without);
+        let along = eigen.eigenvectors.tr_mul(&(&z - moment));
+        // the parameters' values without noise, where its part is at most so large
+        let bias = |most: f64| -> Result<Vec<f64>, DataError> {
+            let pairs = along.iter().zip(eigen.eigenvalues.iter());
+            let scaled = pairs.map(|(x, part)| x / (1.0 - part.min(most)));
+            let scaled = DVector::from_iterator(n, scaled);
+            let moved = &z - &eigen.eigenvectors * scaled;
+            let moved = r.solve_upper_triangular(&moved).ok_or_else(undetermined)?;
+            Ok(moved.iter().copied().collect())
+        };
+        Ok(Self {
+            size: bias(MAX_NOISE_PART)?,
+            correction: bias(MAX_CORRECTED_PART)?,
+        })
     }
 }
 
@@ -116,17 +179,17 @@ impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
     }
 }
 
-/// The least-squares parameters of logs with given weights of the efforts.
+/// The factor of logs with given weights of the efforts.
 ///
 /// # Errors
-/// When the logs do not determine the parameters.
-pub(super) fn values<M: BaseModel<f64> + ?Sized>(
+/// When the logs cannot be read.
+pub(super) fn weighted<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     weights: &[f64],
     logs: &mut NoisyLogs<'_, M>,
-) -> Result<Vec<f64>, DataError> {
+) -> Result<QrFactor, DataError> {
     let (set, _) = observe(session.model, session.kind, logs)?;
-    Ok(set.combined(weights)?.solve()?)
+    Ok(set.combined(weights)?)
 }
 
 /// The largest number of rows of each log that noise is added to.
@@ -147,7 +210,7 @@ pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &Logs<'_, M>,
     found: &Identified,
-) -> Result<Option<Vec<f64>>, DataError> {
+) -> Result<Option<MotionBias>, DataError> {
     if !logs.is_differentiated() {
         return Ok(None);
     }
@@ -166,8 +229,8 @@ pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
     let bias = kept.thinned(method, every, decimation).and_then(|thinned| {
         let levels = kept.noise_levels();
-        let fit = |logs: &mut NoisyLogs<'_, M>| values(session, &weights, logs);
-        NoisyLogs::new(&thinned).bias(&thinned, &levels, cutoff, fit)
+        let factor = |logs: &mut NoisyLogs<'_, M>| weighted(session, &weights, logs);
+        NoisyLogs::new(&thinned).bias(&thinned, &levels, cutoff, None, factor)
     });
     match bias {
         Ok(bias) => Ok(Some(bias)),

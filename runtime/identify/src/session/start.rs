@@ -161,18 +161,18 @@ fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
     };
     let (increased, words) = identified
         .deviations
-        .with_sampling(core::slice::from_ref(&bias));
+        .with_sampling(core::slice::from_ref(&bias.size));
     identified.deviations = increased;
     identified.blocks = identified
         .blocks
         .clone()
-        .with_change(&identified.factor, &bias);
-    let change: Vec<f64> = bias.iter().map(|x| -x).collect();
+        .with_change(&identified.factor, &bias.size);
+    let change: Vec<f64> = bias.correction.iter().map(|x| -x).collect();
     identified.factor = identified.factor.moved_by(&change);
     for (value, change) in identified.estimate.values.iter_mut().zip(&change) {
         *value += change;
     }
-    Ok(Some((bias, !words.is_empty())))
+    Ok(Some((bias.size, !words.is_empty())))
 }
 
 /// Adds the errors that come from the sampling of the positions, and from efforts that are held between
