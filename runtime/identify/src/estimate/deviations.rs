@@ -65,6 +65,12 @@ impl Deviations {
         }
     }
 
+    /// The factor that the covariance of an estimate from so many equations contains because the fit
+    /// shortens the memory of its residuals.
+    pub(crate) fn growth(&self, rows: usize) -> f64 {
+        growth(rows, self.degrees_of_freedom.len(), self.memory)
+    }
+
     /// Describes how the standard deviations account for the residuals' correlation.
     pub fn in_words(&self) -> String {
         format!(
@@ -280,20 +286,6 @@ impl Blocks {
         self.deviations_with(&bread, &all, &self.values)
     }
 
-    /// The factor of the covariance for what its correction leaves: the fit makes the residuals smaller
-    /// and the memory that is computed from them shorter, by the part of the independent equations that
-    /// its parameters use up, and the correction is computed from that memory. Infinite where there are no
-    /// more independent equations than parameters, or less than three equations for two parameters.
-    fn growth(&self, rows: usize, parameters: usize) -> f64 {
-        let independent = rows as f64 / self.memory.clamp(1.0, self.samples().max(1) as f64);
-        let part = parameters as f64 / independent;
-        if part < 1.0 && 2 * rows >= 3 * parameters {
-            1.0 / (1.0 - part * part)
-        } else {
-            f64::INFINITY
-        }
-    }
-
     fn deviations_with(
         &self,
         bread: &Bread<'_>,
@@ -345,7 +337,7 @@ impl Blocks {
                 degrees_of_freedom[a] = 1.0;
             }
         }
-        let growth = self.growth(bread.rows, k);
+        let growth = growth(bread.rows, k, self.memory.min(samples as f64));
         for (scale, degrees_of_freedom) in scale.iter_mut().zip(&mut degrees_of_freedom) {
             *scale *= growth;
             if growth.is_infinite() {
@@ -377,6 +369,19 @@ impl Blocks {
             memory: self.memory.min(samples as f64),
             root,
         })
+    }
+}
+
+/// The factor of the covariance for what its correction leaves: the fit makes the residuals smaller and
+/// the memory that is computed from them shorter, by the part of the independent equations that its
+/// parameters use up, and the correction is computed from that memory. Infinite where there are no more
+/// independent equations than parameters, or less than three equations for two parameters.
+fn growth(rows: usize, parameters: usize, memory: f64) -> f64 {
+    let part = parameters as f64 * memory.max(1.0) / rows.max(1) as f64;
+    if part < 1.0 && 2 * rows >= 3 * parameters {
+        1.0 / (1.0 - part * part)
+    } else {
+        f64::INFINITY
     }
 }
 

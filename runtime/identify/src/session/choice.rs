@@ -117,11 +117,13 @@ struct Trial {
     cutoff: f64,
     values: Vec<f64>,
     covariance: Vec<f64>,
+    /// The factor in it, see [`Deviations::growth`](crate::estimate::Deviations).
+    growth: f64,
     bias: Vec<f64>,
     factor: QrFactor,
-    /// An effort with few equations is fitted with its noise, which then seems smaller than it is: the
-    /// factor of the covariance that makes up for it, infinite with no more equations than parameters.
-    shortage: f64,
+    /// Whether an effort has less than three equations for two parameters: it is fitted with its noise, which
+    /// then seems smaller than it is.
+    is_scarce: bool,
 }
 
 /// The mean squares of the errors of the predicted efforts with one cutoff, in weighted units.
@@ -365,11 +367,6 @@ fn trial<M: BaseModel<f64> + ?Sized>(
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
     let rows = found.estimate.efforts.iter().map(|effort| effort.rows);
     let (rows, count) = (rows.min().unwrap_or(0), found.estimate.values.len());
-    let shortage = if rows > count {
-        rows as f64 / (rows - count) as f64
-    } else {
-        f64::INFINITY
-    };
     let negligible = lower.filter(|lower| {
         let mut pairs = lower.bias.iter().enumerate();
         pairs.all(|(k, bias)| GROWTH * bias.abs() < NEGLIGIBLE * found.deviations.sigma(k))
@@ -399,7 +396,8 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         cutoff,
         values: pairs.map(|(x, bias)| x - bias).collect(),
         bias,
-        shortage,
+        is_scarce: 2 * rows < 3 * count,
+        growth: found.deviations.growth(found.factor.rows()),
         covariance: found.deviations.covariance,
         factor: found.factor,
     })
@@ -428,12 +426,16 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
         sum / rows
     };
     // where no cutoff leaves enough equations, all are compared as they are
-    let is_scarce = trials.iter().all(|own| own.shortage.is_infinite());
+    let all_scarce = trials.iter().all(|own| own.is_scarce);
     let mut all: Vec<Errors> = Vec::with_capacity(trials.len());
     for trial in trials {
-        let shortage = if is_scarce { 1.0 } else { trial.shortage };
         let mut own = Errors {
-            variance: shortage * variance(&trial.covariance),
+            variance: if trial.is_scarce && !all_scarce {
+                f64::INFINITY
+            } else {
+                // the growth is doubt about the deviation, and no error
+                variance(&trial.covariance) / trial.growth
+            },
             bias: square(&trial.bias),
             apart: 0.0,
         };
