@@ -1,17 +1,19 @@
 //! The filter that is chosen from the logs where no option names one.
 
+use regen_codegen::diag::Source;
 use regen_experiment::instruments::instrumental;
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::session::{Choice, Session, chosen, from_logs};
 use regen_identify::signals::Method;
 use regen_identify::status::{EffortContributions, Status};
-use regen_interpreted::Interpreted;
+use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::BiasRemedy;
 
 use crate::args::{IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
-use crate::{identify, observe};
+
+use crate::{identify, load, loads, observe};
 
 /// Whether neither an option nor the experiment file says how positions are differentiated.
 pub(crate) fn is_open(reading: &ReadingArgs) -> bool {
@@ -33,6 +35,26 @@ pub(crate) fn made(
         pin(choice, reading);
     }
     Ok(choice)
+}
+
+/// Chooses a filter for a fit of unknown gains and payloads, from the runs without a payload where there
+/// are some, and with the robot alone: currents of unknown gain count in A, and a payload as part of the
+/// body that carries it.
+pub(crate) fn made_without_loads(
+    args: &mut IdentifyArgs,
+    source: &Source,
+) -> Result<Option<Choice>, Failure> {
+    let robot = load::unloaded_with_base(source)?;
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let runs = args.logs.iter();
+    let alone = runs.filter(|run| loads::of_run(&args.reading, run).is_none());
+    let mut runs: Vec<Run> = alone.cloned().collect();
+    if runs.is_empty() {
+        runs.clone_from(&args.logs);
+    }
+    let session = identify::session(&args.clone(), &model).in_amperes();
+    made(&mut args.reading, &session, &runs)
 }
 
 /// Sets the options that pin a choice; a decimation or an even grid that is given stays.

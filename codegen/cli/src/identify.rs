@@ -84,9 +84,11 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     );
     let filter = if simulates {
         None
+    } else if has_loads {
+        choice::made_without_loads(&mut args, &source)?
     } else {
         let session = session(&args, &model);
-        choice::made(&mut args.reading, &session.in_amperes(), &args.logs)?
+        choice::made(&mut args.reading, &session, &args.logs)?
     };
     let args = &args;
     let corrected = if has_loads {

@@ -192,6 +192,11 @@ pub(crate) fn loaded_with_base(
     whole(&loaded(source, payload)?, source)
 }
 
+/// As [`with_base`], without its payloads.
+pub(crate) fn unloaded_with_base(source: &Source) -> Result<Robot, Failure> {
+    whole(&mechanism(source)?.with_payloads(Payloads::Absent), source)
+}
+
 fn whole(mechanism: &Mechanism, source: &Source) -> Result<Robot, Failure> {
     check_parameter_count(mechanism)?;
     Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)

@@ -21,6 +21,26 @@ pub struct Interval {
     pub high: f64,
 }
 
+impl Interval {
+    /// The interval with a bias, in the value's unit, that counts as one standard deviation more.
+    #[must_use]
+    pub(crate) fn with_bias(self, bias: f64) -> Self {
+        let sigma = libm::hypot(self.sigma, bias);
+        let growth = if self.sigma > 0.0 {
+            sigma / self.sigma
+        } else {
+            1.0
+        };
+        let (middle, half) = (0.5 * (self.low + self.high), 0.5 * (self.high - self.low));
+        Self {
+            sigma,
+            low: middle - growth * half,
+            high: middle + growth * half,
+            ..self
+        }
+    }
+}
+
 /// The confidence intervals of a model's values, each by the estimator that gave the value.
 ///
 /// An empty list means that the estimator gives no intervals of these values.
@@ -40,6 +60,17 @@ pub struct Intervals {
 }
 
 impl Intervals {
+    /// The intervals of base parameters with the bias of each as one standard deviation more; it becomes
+    /// theirs.
+    pub(crate) fn add_bias(&mut self, bias: Vec<f64>) {
+        for (interval, bias) in self.base.iter_mut().zip(&bias) {
+            if let Some(own) = interval {
+                *own = own.with_bias(*bias);
+            }
+        }
+        self.bias = bias;
+    }
+
     /// The intervals of a least-squares estimate.
     ///
     /// - `white`, `used`: the estimate with the covariance for white residuals, and with the

@@ -21,7 +21,7 @@ use super::motion_noise::{NoisyLogs, is_undetermined, rates, weighted, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
-use crate::friction::{nonlinear_joints, observe_linear_friction, with_linear_friction};
+use crate::friction::{nonlinear_joints, with_linear_friction};
 use crate::identify::{self, EquationKind, Options};
 use crate::signals::{Method, SignalError};
 
@@ -352,7 +352,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
     };
     let [every, decimation] = rates(rate, cutoff);
     let thinned = logs.thinned(method, every, decimation)?;
-    let mut noisy = NoisyLogs::new(&thinned);
+    let mut noisy = NoisyLogs::new(&thinned, levels, cutoff);
     let options = Options {
         lags: 1,
         ..session.options
@@ -377,13 +377,8 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         None => {
             // Huber's weights are of the equations, those of the bias of the efforts alone
             let without = options.huber.is_none().then_some(&found.factor);
-            let found = noisy.bias(&thinned, levels, cutoff, without, |logs| {
-                if is_linear {
-                    weighted(session, &weights, logs)
-                } else {
-                    let set = observe_linear_friction(session.model, logs)?;
-                    Ok(set.combined(&weights)?)
-                }
+            let found = noisy.bias(without, |logs| {
+                weighted(session, &weights, !is_linear, logs)
             });
             let found = found?;
             correction = Some(found.correction);

@@ -2,15 +2,20 @@
 
 use regen_runtime::{BaseModel, LoopClosure};
 
+use super::motion_noise::{NoisyLogs, bias_of_fit, is_undetermined};
 use super::physical::layout_and_base_map;
-use super::{PriorKnowledge, Session, SessionError};
+use super::start::MOTION_NOISE;
+use super::{MonitoredLogs, PriorKnowledge, Session, SessionError};
 use crate::data::{FileReport, Run};
 use crate::estimate::Residuals;
 use crate::gains::{
     self, CarriedRun, GainError, GainFit, GainOptions, Physical, PhysicalGains, Plan,
 };
 use crate::identify::{self, EquationKind, LeftOut};
-use crate::model::IdentifiedModel;
+use crate::model::{Covariance, IdentifiedModel, Interval};
+
+/// A bias is mentioned where it is larger than this part of a standard deviation.
+const MENTIONED_PART: f64 = 0.5;
 
 /// Fits of unknown gains and payloads.
 pub struct LoadedFits {
@@ -76,12 +81,101 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
             (free, Some(constrained))
         }
     };
+    let mut free = free;
+    session.watch.phase("adding noise to the motion");
+    let biased = add_motion_noise(model, &options, plan, (runs, &logs), &mut free.model);
+    session.watch.finished();
+    biased?;
     let reports = logs.iter().flat_map(|own| own.logs().reports().to_vec());
     Ok(LoadedFits {
         free,
         physical,
         reports: reports.collect(),
     })
+}
+
+/// Adds what noise of the measured motion biases to the intervals and the covariance of a fit of gains and
+/// payloads.
+fn add_motion_noise<'m, M: BaseModel<f64> + ?Sized>(
+    model: &'m M,
+    options: &GainOptions,
+    plan: &Plan,
+    (runs, logs): (&[(Run, Option<usize>)], &[MonitoredLogs<'m, M>]),
+    found: &mut IdentifiedModel,
+) -> Result<(), SessionError> {
+    let fit = |noisy: &mut [NoisyLogs<'m, M>]| {
+        let pairs = noisy.iter_mut().zip(runs);
+        let carried = pairs.map(|(source, (_, carried))| CarriedRun {
+            source,
+            carried: *carried,
+        });
+        let mut carried: Vec<CarriedRun<'_, _>> = carried.collect();
+        let found = gains::fit(model, options, plan, &mut carried)?.model;
+        let gains = found.gains.iter().map(|own| own.value);
+        let payloads = found.payloads.iter().flat_map(|own| &own.values);
+        let more = gains.chain(payloads.map(|own| own.value));
+        Ok(found.beta.iter().copied().chain(more).collect())
+    };
+    let logs: Vec<_> = logs.iter().map(MonitoredLogs::logs).collect();
+    let bias = bias_of_fit(&logs, fit);
+    let mut bias: Vec<f64> = match bias {
+        Ok(Some(bias)) => bias,
+        Ok(None) => return Ok(()),
+        // the rows that noise is added to, which are fewer, may not determine all
+        Err(SessionError::Gains(_)) => return Ok(()),
+        Err(SessionError::Data(error)) if is_undetermined(&error) => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    let mut rest = bias.split_off(found.beta.len().min(bias.len())).into_iter();
+    let (base, gains) = (found.beta.len(), found.gains.len());
+    let of_gains: Vec<f64> = rest.by_ref().take(gains).collect();
+    let widened = |interval: &mut Option<Interval>, bias: f64| {
+        *interval = interval.map(|own| own.with_bias(bias));
+    };
+    for (gain, bias) in found.gains.iter_mut().zip(&of_gains) {
+        widened(&mut gain.interval, *bias);
+    }
+    let values = found.payloads.iter_mut().flat_map(|own| &mut own.values);
+    for (value, bias) in values.zip(rest) {
+        widened(&mut value.interval, bias);
+    }
+    if let Some(covariance) = &mut found.covariance {
+        let names = found
+            .gains
+            .iter()
+            .map(|gain| Covariance::gain(&gain.effort));
+        let of_names: Vec<(String, f64)> = names.zip(of_gains).collect();
+        let labels = covariance.labels.iter().enumerate();
+        let all: Vec<f64> = labels
+            .map(
+                |(k, label)| match of_names.iter().find(|(name, _)| name == label) {
+                    Some((_, bias)) => *bias,
+                    None if k < base => bias.get(k).copied().unwrap_or(0.0),
+                    None => 0.0,
+                },
+            )
+            .collect();
+        for (column, b) in covariance
+            .values
+            .chunks_exact_mut(all.len().max(1))
+            .zip(&all)
+        {
+            for (entry, a) in column.iter_mut().zip(&all) {
+                *entry += a * b;
+            }
+        }
+    }
+    let grows = found
+        .intervals
+        .base
+        .iter()
+        .zip(&bias)
+        .any(|(own, bias)| own.is_some_and(|own| bias.abs() > MENTIONED_PART * own.sigma));
+    if grows {
+        found.intervals.method.push_str(MOTION_NOISE);
+    }
+    found.intervals.add_bias(bias);
+    Ok(())
 }
 
 /// The options of a session for gains and payloads.

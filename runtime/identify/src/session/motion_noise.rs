@@ -13,7 +13,8 @@ use regen_runtime::BaseModel;
 
 use crate::data::{DataError, Logs, NoiseLevels};
 use crate::estimate::{EstimateError, QrFactor};
-use crate::identify::{Filtering, Identified, Source, StateSample, observe};
+use crate::friction::observe_linear_friction;
+use crate::identify::{Filtering, Source, StateSample, observe};
 use crate::signals::Method;
 
 use super::Session;
@@ -29,56 +30,116 @@ const MAX_CORRECTED_PART: f64 = 0.5;
 /// Logs to whose motion noise is added, with the rests of the motion without it: other equations that are
 /// left out would move the parameters by more than the noise does.
 pub(super) struct NoisyLogs<'m, M: ?Sized> {
+    /// The logs without added noise.
+    plain: Logs<'m, M>,
     logs: Logs<'m, M>,
+    /// For each log, the standard deviations of the noise of its columns of motion.
+    deviations: Vec<Vec<f64>>,
     /// For each state of a pass without noise its time, s, and whether each coordinate rests.
     rests: Vec<(f64, Vec<bool>)>,
     are_known: bool,
 }
 
 impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
-    /// Logs in memory, without added noise.
-    pub(super) fn new(logs: &Logs<'m, M>) -> Self {
+    /// Logs in memory, without added noise as yet.
+    ///
+    /// - `levels`: the noise levels of the columns of motion of each log;
+    /// - `cutoff`: the frequency up to which the equations keep noise, Hz.
+    pub(super) fn new(logs: &Logs<'m, M>, levels: &[Vec<NoiseLevels>], cutoff: f64) -> Self {
+        let durations = logs.durations();
+        let deviations = durations.iter().zip(levels).map(|((step, _), levels)| {
+            let deviation = |own: &NoiseLevels| (own.density(cutoff) / step).sqrt();
+            levels.iter().map(deviation).collect()
+        });
         Self {
+            deviations: deviations.collect(),
+            plain: logs.disturbed(0.0, &[]),
             logs: logs.disturbed(0.0, &[]),
             rests: Vec::new(),
             are_known: false,
         }
     }
 
+    /// Logs as they are read, as far as they fit into memory, thinned as far as their filter allows; `None`
+    /// where no motion is differentiated.
+    ///
+    /// # Errors
+    /// When a log cannot be read.
+    fn of_read(logs: &Logs<'m, M>) -> Result<Option<Self>, DataError> {
+        if !logs.is_differentiated() {
+            return Ok(None);
+        }
+        let kept = logs.in_memory(MAX_ROWS)?;
+        let steps = kept.durations();
+        let step = steps
+            .iter()
+            .map(|(step, _)| *step)
+            .fold(f64::INFINITY, f64::min);
+        let method = logs.settings().method;
+        let (cutoff, [every, decimation]) = match method {
+            Method::Butterworth { cutoff, .. } => (cutoff, rates(1.0 / step, cutoff)),
+            Method::Local { half_width } => (0.5 / half_width, [1, 1]),
+            _ => (OF_DIFFERENCES / step, [1, 1]),
+        };
+        let thinned = kept.thinned(method, every, decimation)?;
+        Ok(Some(Self::new(&thinned, &kept.noise_levels(), cutoff)))
+    }
+
+    /// Adds the noise times `scale` to the motion as it was logged.
+    fn disturb(&mut self, scale: f64) {
+        self.logs = self.plain.disturbed(scale, &self.deviations);
+    }
+
     /// What noise of the motion biases of the least-squares parameters.
     ///
-    /// - `logs`: those that these were made from;
-    /// - `levels`: the noise levels of the columns of motion of each log;
-    /// - `cutoff`: the frequency up to which the equations keep noise, Hz;
-    /// - `without`: the weighted factor of these logs, where it is known;
+    /// - `without`: the weighted factor of the logs without added noise, where it is known;
     /// - `factor`: the factor of logs with the same weights.
     ///
     /// # Errors
     /// When `factor` gives one: the noisy logs cannot be read.
     pub(super) fn bias(
         mut self,
-        logs: &Logs<'m, M>,
-        levels: &[Vec<NoiseLevels>],
-        cutoff: f64,
         without: Option<&QrFactor>,
         mut factor: impl FnMut(&mut Self) -> Result<QrFactor, DataError>,
     ) -> Result<MotionBias, DataError> {
-        let deviations: Vec<Vec<f64>> = (logs.durations().iter().zip(levels))
-            .map(|((step, _), levels)| {
-                let deviation = |own: &NoiseLevels| (own.density(cutoff) / step).sqrt();
-                levels.iter().map(deviation).collect()
-            })
-            .collect();
         let without = match without {
             Some(known) => known.clone(),
             None => factor(&mut self)?,
         };
-        self.logs = logs.disturbed(SCALE, &deviations);
+        self.disturb(SCALE);
         let added = factor(&mut self)?;
-        self.logs = logs.disturbed(-SCALE, &deviations);
+        self.disturb(-SCALE);
         let subtracted = factor(&mut self)?;
         MotionBias::new(&without, [&added, &subtracted])
     }
+}
+
+/// By how much noise of the motion biases the values of any fit to logs, to the first order of its
+/// variance; `None` where no motion is differentiated.
+///
+/// - `fit`: the values of the fit to all of them.
+///
+/// # Errors
+/// When a log cannot be read, and those of `fit`.
+pub(super) fn bias_of_fit<'m, M: BaseModel<f64> + ?Sized, E: From<DataError>>(
+    logs: &[&Logs<'m, M>],
+    mut fit: impl FnMut(&mut [NoisyLogs<'m, M>]) -> Result<Vec<f64>, E>,
+) -> Result<Option<Vec<f64>>, E> {
+    let mut noisy = Vec::new();
+    for own in logs {
+        match NoisyLogs::of_read(own)? {
+            Some(found) => noisy.push(found),
+            None => return Ok(None),
+        }
+    }
+    let mut with = |scale: f64| {
+        noisy.iter_mut().for_each(|own| own.disturb(scale));
+        fit(&mut noisy)
+    };
+    let (without, added, subtracted) = (with(0.0)?, with(SCALE)?, with(-SCALE)?);
+    let pairs = added.iter().zip(&subtracted).zip(&without);
+    let bias = pairs.map(|((a, b), x)| (0.5 * (a + b) - x) / (SCALE * SCALE));
+    Ok(Some(bias.collect()))
 }
 
 /// What noise of the motion biases of least-squares parameters.
@@ -146,6 +207,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
             logs,
             rests,
             are_known,
+            ..
         } = self;
         if !*are_known {
             logs.visit(&mut |row| {
@@ -181,14 +243,22 @@ impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
 
 /// The factor of logs with given weights of the efforts.
 ///
+/// - `with_friction`: whether joints with nonlinear friction have columns of linear friction, behind the
+///   base parameters.
+///
 /// # Errors
 /// When the logs cannot be read.
 pub(super) fn weighted<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     weights: &[f64],
+    with_friction: bool,
     logs: &mut NoisyLogs<'_, M>,
 ) -> Result<QrFactor, DataError> {
-    let (set, _) = observe(session.model, session.kind, logs)?;
+    let set = if with_friction {
+        observe_linear_friction(session.model, logs)?
+    } else {
+        observe(session.model, session.kind, logs)?.0
+    };
     Ok(set.combined(weights)?)
 }
 
@@ -204,38 +274,22 @@ const OF_DIFFERENCES: f64 = 0.35;
 /// By how much noise of the motion biases the parameters of a fit to logs, as they are read; `None` where
 /// no motion is differentiated, or the part of the logs that fits into memory does not determine them.
 ///
+/// - `weights`: those of the efforts;
+/// - `with_friction`: whether joints with nonlinear friction have linear friction in the fit.
+///
 /// # Errors
 /// When a log cannot be read.
 pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &Logs<'_, M>,
-    found: &Identified,
+    weights: &[f64],
+    with_friction: bool,
 ) -> Result<Option<MotionBias>, DataError> {
-    if !logs.is_differentiated() {
-        return Ok(None);
-    }
-    let kept = logs.in_memory(MAX_ROWS)?;
-    let steps = kept.durations();
-    let step = steps
-        .iter()
-        .map(|(step, _)| *step)
-        .fold(f64::INFINITY, f64::min);
-    let method = logs.settings().method;
-    let (cutoff, [every, decimation]) = match method {
-        Method::Butterworth { cutoff, .. } => (cutoff, rates(1.0 / step, cutoff)),
-        Method::Local { half_width } => (0.5 / half_width, [1, 1]),
-        _ => (OF_DIFFERENCES / step, [1, 1]),
-    };
-    let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-    let bias = kept.thinned(method, every, decimation).and_then(|thinned| {
-        let levels = kept.noise_levels();
-        let factor = |logs: &mut NoisyLogs<'_, M>| weighted(session, &weights, logs);
-        NoisyLogs::new(&thinned).bias(&thinned, &levels, cutoff, None, factor)
-    });
-    match bias {
-        Ok(bias) => Ok(Some(bias)),
+    let factor = |logs: &mut NoisyLogs<'_, M>| weighted(session, weights, with_friction, logs);
+    let noisy = NoisyLogs::of_read(logs);
+    match noisy.and_then(|own| own.map(|own| own.bias(None, factor)).transpose()) {
         Err(error) if is_undetermined(&error) => Ok(None),
-        Err(error) => Err(error),
+        other => other,
     }
 }
 

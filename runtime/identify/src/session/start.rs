@@ -98,7 +98,7 @@ impl LeastSquaresStart {
 }
 
 /// How deviations name that they contain what noise of the motion biases.
-const MOTION_NOISE: &str = "; and what noise of the measured motion biases";
+pub(super) const MOTION_NOISE: &str = "; and what noise of the measured motion biases";
 
 /// Number of passes that estimate the efforts' noise; it converges to a percent in two.
 const NOISE_PASSES: usize = 3;
@@ -154,7 +154,9 @@ fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
     identified: &mut Identified,
 ) -> Result<Option<(Vec<f64>, bool)>, SessionError> {
     session.watch.phase("adding noise to the motion");
-    let found = motion_bias(session, logs.logs(), identified);
+    let efforts = identified.estimate.efforts.iter();
+    let weights: Vec<f64> = efforts.map(|e| e.weight).collect();
+    let found = motion_bias(session, logs.logs(), &weights, false);
     session.watch.finished();
     let Some(bias) = found? else {
         return Ok(None);
@@ -328,14 +330,20 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         }
         residuals = Some(statistics);
     }
+    let by_noise;
     let (deviations, blocks, sampling_note, changes) = {
         let blocks = data.linear_scores(&estimate.values)?;
         let all: Vec<usize> = (0..estimate.values.len()).collect();
         let found = blocks.deviations(&factor, &all, &estimate.values, 1.0)?;
         let values = &estimate.values;
+        session.watch.phase("adding noise to the motion");
+        let motion = motion_bias(session, logs.logs(), &weights, true);
+        session.watch.finished();
+        by_noise = motion?.map(|bias| bias.size).unwrap_or_default();
         let changes = [
             friction::discretisation(model, &mut logs, values, &weights, &factor)?,
             data.linear_change_if_held(&factor)?,
+            by_noise.clone(),
         ];
         let (found, words) = found.with_sampling(&changes);
         let add = |blocks: Blocks, change| blocks.with_change(&factor, change);
@@ -347,7 +355,8 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     let confidence = session.confidence;
     // the intervals are those of the estimate of the weighted rows, so they come before its efforts
     // get their own statistics
-    let intervals = Intervals::of(&estimate, &estimate_for_intervals, confidence, method);
+    let mut intervals = Intervals::of(&estimate, &estimate_for_intervals, confidence, method);
+    intervals.bias = by_noise;
     if let Some(statistics) = &residuals {
         let errors_and_weights = statistics.efforts().into_iter().zip(&weights);
         estimate.efforts = errors_and_weights
