@@ -5,7 +5,6 @@ use regen_experiment::instruments::instrumental;
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::session::{Choice, Session, chosen, from_logs};
-use regen_identify::signals::Method;
 use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::BiasRemedy;
@@ -17,7 +16,7 @@ use crate::{identify, load, loads, observe};
 
 /// Whether neither an option nor the experiment file says how positions are differentiated.
 pub(crate) fn is_open(reading: &ReadingArgs) -> bool {
-    !reading.no_filter && observe::settings(reading).method == Method::Central
+    !observe::settings(reading).is_method_given
 }
 
 /// Chooses a filter from the logs where none is given, and sets the options that pin it; returns the

@@ -132,6 +132,10 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     if let Some(velocities) = reading.velocities {
         settings.measured_rates = velocities == VelocitiesArg::Measured;
     }
+    settings.is_method_given |= reading.no_filter
+        || reading.fourier.is_some()
+        || reading.butterworth.is_some()
+        || reading.local.is_some();
     if reading.no_filter {
         settings.method = Method::Central;
     } else if let Some((frequency, harmonics)) = reading.fourier {

@@ -50,6 +50,12 @@ fn rows(found: &Value) -> Vec<(f64, f64, f64, String)> {
     .collect()
 }
 
+/// The values of all parameters.
+fn values(found: &Value) -> Vec<f64> {
+    let all = found["parameters"].as_array().unwrap().iter();
+    all.map(|row| row["value"].as_f64().unwrap()).collect()
+}
+
 #[test]
 fn without_an_option_noisy_positions_give_what_exact_ones_give() {
     let dir = simulated("choice_default", "1e-4,0.02");
@@ -74,7 +80,20 @@ fn without_an_option_noisy_positions_give_what_exact_ones_give() {
 
     let unfiltered = identified(&dir, &["--no-filter", "--no-suspicion"]);
     assert!(unfiltered["filter"].is_null());
-    assert_ne!(rows(&unfiltered), rows(&found));
+    assert_ne!(values(&unfiltered), values(&found));
+    // an experiment file pins none in its own words
+    let text = "process: {filter: none}\nruns: [{files: [log.csv]}]\n";
+    fs::write(dir.join("none.yaml"), text).unwrap();
+    let words = [
+        "identify",
+        &spec,
+        "none.yaml",
+        "--format",
+        "json",
+        "--no-suspicion",
+    ];
+    let stated = regen(&dir, &words).ended(0).json();
+    assert_eq!(values(&stated), values(&unfiltered));
 
     // the same motion and efforts with exact positions
     let truth = simulated("choice_exact", "0,0");

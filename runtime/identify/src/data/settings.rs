@@ -30,6 +30,8 @@ pub struct Settings {
     /// Fourier series, velocities and accelerations are those of the series of the positions. Where
     /// accelerations are measured too, velocities and accelerations are used as they are.
     pub method: Method,
+    /// Whether someone stated the method; otherwise a filter is chosen from the logs where one can be.
+    pub is_method_given: bool,
     /// What is done with faulty rows.
     pub policy: Policy,
     /// What is done with doubtful rows, where it differs from `policy`.
@@ -64,6 +66,7 @@ impl Default for Settings {
             resample: None,
             measured_rates: true,
             method: Method::Central,
+            is_method_given: false,
             policy: Policy::Fail,
             checks: Checks::default(),
             decimation: 1,

@@ -196,7 +196,7 @@ static PROCESS: Record = record(
                 Shape::Words(&[("none", "central differences of unfiltered positions")]),
                 Shape::Record(&FILTER),
             ]),
-            "How positions are differentiated, and what efforts and the columns of the regressor pass; none if missing",
+            "How positions are differentiated, and what efforts and the columns of the regressor pass; chosen from the logs if missing",
         ),
         optional(
             "velocities",

@@ -28,6 +28,7 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Process {
         resample: number("resample"),
         measured_rates: of("velocities").and_then(Node::text) != Some("computed"),
         method: of("filter").and_then(method).unwrap_or(Method::Central),
+        is_method_given: of("filter").is_some(),
         decimation: of("decimate").and_then(count).unwrap_or(1),
         period: number("period"),
         ..Settings::default()

@@ -138,6 +138,7 @@ runs:
         resample: Some(100.0),
         measured_rates: false,
         method: Method::Local { half_width: 0.05 },
+        is_method_given: true,
         policy: Policy::Drop,
         checks: Checks {
             outliers: Some(Policy::Tell),
