@@ -20,6 +20,18 @@ const MIN_REMAINING_PART: f64 = 1e-3;
 /// small, as does one with fewer of them than parameters: with 200 filtered rows of a six-joint arm
 /// with 58 parameters, only 59 % of the values were within 3 standard deviations.
 const MIN_INDEPENDENT_SAMPLES: f64 = 20.0;
+/// The number of parts of a log of one run that are compared.
+const PARTS: usize = 8;
+/// Runs are compared if there are at most so many.
+const MAX_RUNS: usize = 16;
+/// The shortest run that is compared has this part of the mean length of all.
+const MIN_RUN_PART: f64 = 0.2;
+/// What runs have in common with themselves only is part of the deviations if it is larger than this many
+/// standard deviations of what chance gives.
+const MIN_CHANCE: f64 = 3.0;
+/// Chance has as many degrees of freedom as this part of the parameters, as far as they are independent of
+/// each other.
+const INDEPENDENT_PART: f64 = 0.5;
 /// What sampling leaves unknown is mentioned if it increases a standard deviation by at least this part.
 const MIN_MENTIONED_GROWTH: f64 = 0.1;
 /// How it is mentioned, behind a description of the deviations.
@@ -45,9 +57,26 @@ pub struct Deviations {
     pub samples: usize,
     /// The number of samples that carry as much information as one independent sample.
     pub memory: f64,
+    /// What runs, or parts of one, have in common with themselves only; `None` where that is no more than
+    /// chance.
+    #[serde(default)]
+    pub between: Option<Between>,
     /// A Cholesky factor of a covariance of full rank, n x n, column-major; see
     /// [`root`](Self::root).
     root: Vec<f64>,
+}
+
+/// By how much estimates from the runs of a log, or from parts of one, differ beyond what the noise
+/// within them explains: what a run has in common with itself only, such as its temperature or an
+/// error of the model along its motion.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Between {
+    /// The number of runs or parts.
+    pub count: usize,
+    /// Whether they are runs, or stretches of a log between gaps; parts of equal length otherwise.
+    pub are_runs: bool,
+    /// The factor of the standard deviations.
+    pub growth: f64,
 }
 
 impl Deviations {
@@ -61,20 +90,34 @@ impl Deviations {
             terms: estimate.degrees_of_freedom,
             samples: estimate.degrees_of_freedom + n,
             memory: 1.0,
+            between: None,
             root: root_of(&estimate.covariance, n),
         }
     }
 
     /// The factor that the covariance of an estimate from so many equations contains because the fit
-    /// shortens the memory of its residuals.
+    /// shortens the memory of its residuals, and for what runs have in common with themselves only.
     pub(crate) fn growth(&self, rows: usize) -> f64 {
-        growth(rows, self.degrees_of_freedom.len(), self.memory)
+        let between = self.between.map_or(1.0, |own| own.growth);
+        growth(rows, self.degrees_of_freedom.len(), self.memory) * between * between
     }
 
     /// Describes how the standard deviations account for the residuals' correlation.
     pub fn in_words(&self) -> String {
+        let between = self.between.map_or_else(String::new, |own| {
+            let what = if own.are_runs {
+                "runs"
+            } else {
+                "parts of the run"
+            };
+            format!(
+                "; and what differs between {} {what}, by which they are {:.1} times larger",
+                own.count, own.growth
+            )
+        });
         format!(
-            "residuals correlated in time ({:.0} samples count as one; {} cosines of whitened scores)",
+            "residuals correlated in time ({:.0} samples count as one; {} cosines of whitened \
+             scores){between}",
             self.memory, self.terms
         )
     }
@@ -286,6 +329,99 @@ impl Blocks {
         self.deviations_with(&bread, &all, &self.values)
     }
 
+    /// The index of the run or part of each block, the number of these, and whether they are runs; `None`
+    /// where they are too short.
+    fn clusters(&self) -> Option<(Vec<usize>, usize, bool)> {
+        let samples = self.samples() as f64;
+        let mut middles = Vec::with_capacity(self.blocks.len());
+        let mut before = 0;
+        for block in &self.blocks {
+            middles.push(before as f64 + 0.5 * block.samples as f64);
+            before += block.samples;
+        }
+        let runs = self.starts.len();
+        let least = MIN_RUN_PART * samples / runs.max(1) as f64;
+        let ends = self.starts.iter().skip(1).map(|end| *end as f64);
+        let lengths = ends.chain([samples]).zip(&self.starts);
+        let are_runs = (2..=MAX_RUNS).contains(&runs)
+            && lengths
+                .map(|(end, start)| end - *start as f64)
+                .all(|n| n >= least);
+        let count = if are_runs { runs } else { PARTS };
+        let of_block = |middle: &f64| {
+            if are_runs {
+                self.starts
+                    .iter()
+                    .filter(|start| **start as f64 <= *middle)
+                    .count()
+                    .max(1)
+                    - 1
+            } else {
+                #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
+                let part = (middle / samples * PARTS as f64) as usize;
+                part.min(PARTS - 1)
+            }
+        };
+        let of_blocks: Vec<usize> = middles.iter().map(of_block).collect();
+        let is_filled = (0..count).all(|own| of_blocks.contains(&own));
+        let is_long =
+            samples >= MIN_INDEPENDENT_SAMPLES * self.memory && samples >= 4.0 * count as f64;
+        (is_filled && is_long).then_some((of_blocks, count, are_runs))
+    }
+
+    /// What runs, or parts of one, have in common with themselves only: the sum of the squares of their
+    /// sums of scores (Liang and Zeger, 1986: clusters), over that of the cosine transforms, both in the
+    /// metric of the covariance that noise with the autocorrelation of the residuals has, for all parameters
+    /// together. `None` where it is not larger than chance.
+    fn between(
+        &self,
+        sum: &Sums<'_>,
+        transforms: &[Vec<f64>],
+        expected: &[f64],
+        step: &[f64],
+    ) -> Option<Between> {
+        let k = sum.kept.len();
+        let (of_blocks, count, are_runs) = self.clusters()?;
+        let lower = cholesky(expected, k)?;
+        // the square of L^-1 x
+        let square = |x: &[f64]| {
+            let mut y = x.to_vec();
+            for j in 0..k {
+                let own =
+                    y.get(j).copied().unwrap_or(0.0) / lower.get(j * k + j).copied().unwrap_or(1.0);
+                for i in j + 1..k {
+                    if let (Some(y), Some(l)) = (y.get_mut(i), lower.get(j * k + i)) {
+                        *y -= l * own;
+                    }
+                }
+                if let Some(y) = y.get_mut(j) {
+                    *y = own;
+                }
+            }
+            y.iter().map(|y| y * y).sum::<f64>()
+        };
+        let mut of_clusters = vec![vec![0.0; k]; count];
+        for (block, cluster) in self.blocks.iter().zip(&of_blocks) {
+            if let Some(own) = of_clusters.get_mut(*cluster) {
+                for (x, y) in own.iter_mut().zip(sum.score(block, step)) {
+                    *x += y;
+                }
+            }
+        }
+        let clusters = of_clusters.iter().map(|own| square(&sum.solved(own)));
+        let correction = count as f64 / (count - 1) as f64;
+        let found = correction * clusters.sum::<f64>();
+        let usual =
+            transforms.iter().map(|x| square(x)).sum::<f64>() / transforms.len().max(1) as f64;
+        let freedom = (count - 1) as f64 * (INDEPENDENT_PART * k as f64).max(1.0);
+        let ratio = found / usual;
+        (ratio > 1.0 + MIN_CHANCE * (2.0 / freedom).sqrt()).then(|| Between {
+            count,
+            are_runs,
+            growth: ratio.sqrt(),
+        })
+    }
+
     fn deviations_with(
         &self,
         bread: &Bread<'_>,
@@ -337,7 +473,9 @@ impl Blocks {
                 degrees_of_freedom[a] = 1.0;
             }
         }
-        let growth = growth(bread.rows, k, self.memory.min(samples as f64));
+        let between = self.between(&sum, &transforms, &expected[0], &step);
+        let runs = between.map_or(1.0, |own| own.growth * own.growth);
+        let growth = runs * growth(bread.rows, k, self.memory.min(samples as f64));
         for (scale, degrees_of_freedom) in scale.iter_mut().zip(&mut degrees_of_freedom) {
             *scale *= growth;
             if growth.is_infinite() {
@@ -367,6 +505,7 @@ impl Blocks {
             terms,
             samples,
             memory: self.memory.min(samples as f64),
+            between,
             root,
         })
     }
@@ -446,15 +585,7 @@ impl Sums<'_> {
         let k = self.kept.len();
         let mut out = vec![vec![0.0; k]; terms];
         for (b, block) in self.blocks.iter().enumerate() {
-            let score: Vec<f64> = self
-                .kept
-                .iter()
-                .map(|&i| {
-                    let slope = &block.slope[i * self.n..(i + 1) * self.n];
-                    let moved: f64 = slope.iter().zip(step).map(|(s, x)| s * x).sum();
-                    block.score[i] - moved
-                })
-                .collect();
+            let score = self.score(block, step);
             for (j, sum) in out.iter_mut().enumerate() {
                 let cosine = SQRT_2 * self.cosines.of(j + 1)[b];
                 for (x, own) in sum.iter_mut().zip(&score) {
@@ -463,11 +594,25 @@ impl Sums<'_> {
             }
         }
         for x in &mut out {
-            *x = (0..k)
-                .map(|a| dot(&self.bread[a * k..(a + 1) * k], x))
-                .collect();
+            *x = self.solved(x);
         }
         out
+    }
+
+    /// The sum of the scores of a block, of the kept parameters, after a step of all parameters.
+    fn score(&self, block: &Block, step: &[f64]) -> Vec<f64> {
+        let own = self.kept.iter().map(|&i| {
+            let slope = &block.slope[i * self.n..(i + 1) * self.n];
+            let moved: f64 = slope.iter().zip(step).map(|(s, x)| s * x).sum();
+            block.score[i] - moved
+        });
+        own.collect()
+    }
+
+    /// B x.
+    fn solved(&self, x: &[f64]) -> Vec<f64> {
+        let rows = self.bread.chunks_exact(self.kept.len().max(1));
+        rows.map(|row| dot(row, x)).collect()
     }
 
     /// `B sum cos_m P B^T` with the expected variance P of each block: entry (a, b) at a k + b.
@@ -626,4 +771,87 @@ fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> O
         }
     }
     Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::{Autoregression, Scores};
+    use crate::intervals::Random;
+
+    const ROWS: usize = 400;
+
+    /// The mean and the slope over time of runs of white noise of 0.1, with means that differ between them
+    /// by this deviation.
+    fn deviations(runs: usize, wander: f64, seed: u64) -> Deviations {
+        let mut random = Random(seed);
+        let mut rows = Vec::new();
+        for _ in 0..runs {
+            let mean = wander * random.normal();
+            for k in 0..ROWS {
+                let phase = k as f64 / ROWS as f64 - 0.5;
+                rows.push(([1.0, phase], mean + 0.1 * random.normal()));
+            }
+        }
+        let mut factor = QrFactor::new(vec!["mean".to_owned(), "slope".to_owned()]);
+        let columns = [0, 1].map(|c| rows.iter().map(move |(w, _)| w[c]));
+        let w: Vec<f64> = columns.into_iter().flatten().collect();
+        let tau: Vec<f64> = rows.iter().map(|(_, y)| *y).collect();
+        factor.push_block(&w, &tau).unwrap();
+        let values = factor.solve().unwrap();
+        let mut scores = Scores::new(2, &[Autoregression::fit(0.01, &[0.0], rows.len())]);
+        for (k, (w, y)) in rows.iter().enumerate() {
+            if k % ROWS == 0 {
+                scores.interrupt();
+            }
+            let residual = y - w[0] * values[0] - w[1] * values[1];
+            scores.push(w, &[1.0], &[residual], &[1.0]).unwrap();
+        }
+        let blocks = scores.finish(&values).unwrap();
+        blocks.deviations(&factor, &[0, 1], &values, 1.0).unwrap()
+    }
+
+    #[test]
+    fn what_differs_between_runs_is_in_the_deviations() {
+        // cosines contain a part of it, so that not every log needs more
+        let (mut ratios, mut told) = (0.0, 0);
+        for seed in 1..=20 {
+            let found = deviations(4, 0.05, seed);
+            ratios += found.sigma(0) / (0.05 / 2.0) / 20.0;
+            if let Some(between) = found.between {
+                assert!(between.are_runs && between.count == 4, "{between:?}");
+                assert!(found.in_words().contains("between 4 runs"));
+                told += 1;
+            }
+        }
+        assert!(told >= 12 && (0.6..1.6).contains(&ratios), "{told} {ratios}");
+        // one run that wanders shows it by its parts
+        let mut random = Random(5);
+        let mut wander = 0.0;
+        let mut factor = QrFactor::new(vec!["mean".to_owned()]);
+        let values = (0..2000).map(|_| {
+            wander += 0.01 * random.normal();
+            wander + 0.1 * random.normal()
+        });
+        let values: Vec<f64> = values.collect();
+        factor.push_block(&vec![1.0; 2000], &values).unwrap();
+        let mean = factor.solve().unwrap();
+        let mut scores = Scores::new(1, &[Autoregression::fit(0.01, &[0.0], 2000)]);
+        for y in &values {
+            scores.push(&[1.0], &[1.0], &[y - mean[0]], &[1.0]).unwrap();
+        }
+        let blocks = scores.finish(&mean).unwrap();
+        let found = blocks.deviations(&factor, &[0], &mean, 1.0).unwrap();
+        assert!(
+            found
+                .between
+                .is_some_and(|own| !own.are_runs && own.count == 8)
+        );
+    }
+
+    #[test]
+    fn runs_that_differ_by_their_noise_only_do_not_add_to_the_deviations() {
+        let added = (1..=100).filter(|seed| deviations(4, 0.0, *seed).between.is_some());
+        assert!(added.count() <= 3);
+    }
 }

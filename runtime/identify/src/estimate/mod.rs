@@ -17,8 +17,8 @@ mod set;
 mod solution;
 mod spectrum;
 
-pub use deviations::Deviations;
 pub(crate) use deviations::SAMPLING;
+pub use deviations::{Between, Deviations};
 pub use error::EstimateError;
 pub use factor::QrFactor;
 pub use noise::{Autoregression, ORDER};

@@ -13,6 +13,9 @@ use super::{Autoregression, EstimateError, QrFactor};
 /// The largest number of blocks of time; when there would be more, neighbours are merged.
 pub const BLOCKS: usize = 128;
 
+/// The largest number of stretches of a log, between runs or gaps, that are told apart.
+const MAX_STRETCHES: usize = 64;
+
 /// The sums over one block; its n x n matrices are row by row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Block {
@@ -62,6 +65,10 @@ pub struct Blocks {
     /// The number of samples that carry as much information as one independent sample, of the
     /// effort with the longest correlation.
     pub(super) memory: f64,
+    /// The numbers of samples before each stretch of the log, that of the first one too; none where there
+    /// are more than [`MAX_STRETCHES`].
+    #[serde(default)]
+    pub(super) starts: Vec<usize>,
     /// For each systematic change of all parameters `W^T W` times the change, n entries.
     #[serde(default)]
     pub(super) changes: Vec<Vec<f64>>,
@@ -165,6 +172,9 @@ pub struct Scores {
     past: Vec<VecDeque<Vec<f64>>>,
     whitened: Vec<f64>,
     scaled: Vec<f64>,
+    /// The number of samples that were processed, and those before each stretch.
+    processed: usize,
+    starts: Vec<usize>,
     /// The number of samples in a full block.
     length: usize,
     /// The current block, without its matrices.
@@ -189,6 +199,8 @@ impl Scores {
             past: vec![VecDeque::new(); noise.len()],
             whitened: vec![0.0; parameters],
             scaled: Vec::with_capacity(parameters),
+            processed: 0,
+            starts: Vec::new(),
             length: 1,
             current: Block::new(parameters),
             slope: OuterProducts::new(parameters, false),
@@ -288,6 +300,9 @@ impl Scores {
         for past in &mut self.past {
             past.clear();
         }
+        if self.starts.last() != Some(&self.processed) && self.starts.len() <= MAX_STRETCHES {
+            self.starts.push(self.processed);
+        }
     }
 
     /// Adds the oldest sample of the buffer to the current block, whitened by the samples after it
@@ -339,6 +354,7 @@ impl Scores {
             self.spare.push(done);
         }
         self.current.samples += 1;
+        self.processed += 1;
         if self.current.samples == self.length {
             self.end_block();
         }
@@ -381,7 +397,17 @@ impl Scores {
         self.interrupt();
         self.end_block();
         let memory = self.noise.iter().map(Autoregression::correlation_length);
+        // the end is no start, and that of the first stretch may not have been told
+        let mut starts = self.starts;
+        starts.retain(|start| *start < self.processed);
+        if starts.first() != Some(&0) {
+            starts.insert(0, 0);
+        }
+        if starts.len() > MAX_STRETCHES {
+            starts.clear();
+        }
         Ok(Blocks {
+            starts,
             parameters: self.n,
             values: values.to_vec(),
             blocks: self.blocks,
