@@ -61,6 +61,9 @@ pub struct Deviations {
     /// chance.
     #[serde(default)]
     pub between: Option<Between>,
+    /// See [`within_runs`](Self::within_runs).
+    #[serde(skip)]
+    within_runs: Vec<f64>,
     /// A Cholesky factor of a covariance of full rank, n x n, column-major; see
     /// [`root`](Self::root).
     root: Vec<f64>,
@@ -91,15 +94,15 @@ impl Deviations {
             samples: estimate.degrees_of_freedom + n,
             memory: 1.0,
             between: None,
+            within_runs: Vec::new(),
             root: root_of(&estimate.covariance, n),
         }
     }
 
-    /// The factor that the covariance of an estimate from so many equations contains because the fit
-    /// shortens the memory of its residuals, and for what runs have in common with themselves only.
-    pub(crate) fn growth(&self, rows: usize) -> f64 {
-        let between = self.between.map_or(1.0, |own| own.growth);
-        growth(rows, self.degrees_of_freedom.len(), self.memory) * between * between
+    /// The covariance without the factors for what the fit takes from the memory of its residuals, and for
+    /// what runs have in common with themselves only.
+    pub(crate) fn within_runs(&self) -> &[f64] {
+        &self.within_runs
     }
 
     /// Describes how the standard deviations account for the residuals' correlation.
@@ -475,22 +478,15 @@ impl Blocks {
         }
         let between = self.between(&sum, &transforms, &expected[0], &step);
         let runs = between.map_or(1.0, |own| own.growth * own.growth);
-        let growth = runs * growth(bread.rows, k, self.memory.min(samples as f64));
+        let growth = runs * growth(bread.rows as f64 * self.independent_part, k, bread.rows);
+        let within_runs = covariance_of(&transforms, &scale);
         for (scale, degrees_of_freedom) in scale.iter_mut().zip(&mut degrees_of_freedom) {
             *scale *= growth;
             if growth.is_infinite() {
                 *degrees_of_freedom = 1.0;
             }
         }
-        let mut covariance = vec![0.0; k * k];
-        for a in 0..k {
-            for b in 0..=a {
-                let own: f64 = transforms.iter().map(|x| x[a] * x[b]).sum();
-                let own = own / terms as f64 * (scale[a] * scale[b]).sqrt();
-                covariance[a * k + b] = own;
-                covariance[b * k + a] = own;
-            }
-        }
+        let covariance = covariance_of(&transforms, &scale);
         let root = root(&transforms, &scale, &expected[0], k).unwrap_or_else(|| {
             // the correlation of the parameters is not known: assume that there is none
             let mut diagonal = vec![0.0; k * k];
@@ -506,17 +502,34 @@ impl Blocks {
             samples,
             memory: self.memory.min(samples as f64),
             between,
+            within_runs,
             root,
         })
     }
+}
+
+/// The mean of the outer products of the transforms, k x k, scaled for each parameter.
+fn covariance_of(transforms: &[Vec<f64>], scale: &[f64]) -> Vec<f64> {
+    let k = scale.len();
+    let terms = transforms.len() as f64;
+    let mut covariance = vec![0.0; k * k];
+    for a in 0..k {
+        for b in 0..=a {
+            let own: f64 = transforms.iter().map(|x| x[a] * x[b]).sum();
+            let own = own / terms * (scale[a] * scale[b]).sqrt();
+            covariance[a * k + b] = own;
+            covariance[b * k + a] = own;
+        }
+    }
+    covariance
 }
 
 /// The factor of the covariance for what its correction leaves: the fit makes the residuals smaller and
 /// the memory that is computed from them shorter, by the part of the independent equations that its
 /// parameters use up, and the correction is computed from that memory. Infinite where there are no more
 /// independent equations than parameters, or less than three equations for two parameters.
-fn growth(rows: usize, parameters: usize, memory: f64) -> f64 {
-    let part = parameters as f64 * memory.max(1.0) / rows.max(1) as f64;
+fn growth(independent: f64, parameters: usize, rows: usize) -> f64 {
+    let part = parameters as f64 / independent.max(1.0);
     if part < 1.0 && 2 * rows >= 3 * parameters {
         1.0 / (1.0 - part * part)
     } else {
@@ -824,7 +837,10 @@ mod tests {
                 told += 1;
             }
         }
-        assert!(told >= 12 && (0.6..1.6).contains(&ratios), "{told} {ratios}");
+        assert!(
+            told >= 12 && (0.6..1.6).contains(&ratios),
+            "{told} {ratios}"
+        );
         // one run that wanders shows it by its parts
         let mut random = Random(5);
         let mut wander = 0.0;

@@ -65,6 +65,9 @@ pub struct Blocks {
     /// The number of samples that carry as much information as one independent sample, of the
     /// effort with the longest correlation.
     pub(super) memory: f64,
+    /// The part of its samples that an effort has independent ones of, the mean of all efforts.
+    #[serde(default)]
+    pub(super) independent_part: f64,
     /// The numbers of samples before each stretch of the log, that of the first one too; none where there
     /// are more than [`MAX_STRETCHES`].
     #[serde(default)]
@@ -397,6 +400,8 @@ impl Scores {
         self.interrupt();
         self.end_block();
         let memory = self.noise.iter().map(Autoregression::correlation_length);
+        let parts = memory.clone().map(|length| 1.0 / length.max(1.0));
+        let efforts = self.noise.len().max(1) as f64;
         // the end is no start, and that of the first stretch may not have been told
         let mut starts = self.starts;
         starts.retain(|start| *start < self.processed);
@@ -408,6 +413,7 @@ impl Scores {
         }
         Ok(Blocks {
             starts,
+            independent_part: parts.sum::<f64>() / efforts,
             parameters: self.n,
             values: values.to_vec(),
             blocks: self.blocks,

@@ -117,8 +117,6 @@ struct Trial {
     cutoff: f64,
     values: Vec<f64>,
     covariance: Vec<f64>,
-    /// The factor in it, see [`Deviations::growth`](crate::estimate::Deviations).
-    growth: f64,
     bias: Vec<f64>,
     factor: QrFactor,
     /// Whether an effort has less than three equations for two parameters: it is fitted with its noise, which
@@ -392,8 +390,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         values: pairs.map(|(x, bias)| x - bias).collect(),
         bias,
         is_scarce: 2 * rows < 3 * count,
-        growth: found.deviations.growth(found.factor.rows()),
-        covariance: found.deviations.covariance,
+        covariance: found.deviations.within_runs().to_vec(),
         factor: found.factor,
     })
 }
@@ -428,8 +425,7 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
             variance: if trial.is_scarce && !all_scarce {
                 f64::INFINITY
             } else {
-                // the growth is doubt about the deviation, and no error
-                variance(&trial.covariance) / trial.growth
+                variance(&trial.covariance)
             },
             bias: square(&trial.bias),
             apart: 0.0,
