@@ -1,12 +1,13 @@
 //! Delays of logged efforts behind the motion: corrected on request.
 
 use regen_identify::data::Run;
-use regen_identify::session::{Session, settled_delays};
+use regen_identify::session::{Session, from_logs, settled_delays};
 
 use crate::args::{DelayArg, IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
-use crate::observe;
+use crate::{identify, observe};
 use regen_interpreted::Interpreted;
+use regen_report::results::{Summary, states_delays};
 
 /// The options with `--delay auto` replaced by the delays estimated from the logs; `None` where
 /// `--delay auto` was not given.
@@ -22,6 +23,30 @@ pub(crate) fn corrected(
     let delays = delays.into_iter();
     args.reading.delay = delays.map(|(name, s)| DelayArg::Of(name, s)).collect();
     Ok(Some(args))
+}
+
+/// eps_RA of least squares with `--delay auto`, percent; `None` where no delay is stated, where delays were
+/// corrected or given, or where none is settled.
+pub(crate) fn tried(
+    args: &IdentifyArgs,
+    model: &Interpreted<'_>,
+    found: &Summary,
+) -> Result<Option<f64>, Failure> {
+    let session = identify::session(args, model);
+    if !session.reading.delays.is_empty() || args.logs.is_empty() || !states_delays(&found.delays) {
+        return Ok(None);
+    }
+    let mut other = args.clone();
+    other.reading.delay = vec![DelayArg::Auto];
+    let Some(other) = corrected(&other, &session)? else {
+        return Ok(None);
+    };
+    if other.reading.delay.is_empty() {
+        return Ok(None);
+    }
+    let session = identify::session(&other, model);
+    let start = from_logs(&session, &mut session.open(&other.logs)?)?;
+    Ok(start.relative_absolute)
 }
 
 /// The reading options with `auto` replaced by the delays that least squares finds from the logs, and

@@ -32,9 +32,6 @@ pub(crate) struct Outcome {
 /// count linearly.
 const MIN_HUBER_BOUND: f64 = 0.1;
 
-/// What the table says below delays that are significant.
-pub(crate) const DELAY_REMEDY: &str = "--delay auto corrects it";
-
 /// Runs the command.
 pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     if !(args.confidence > 0.0 && args.confidence < 1.0) {
@@ -109,6 +106,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     if !has_loads && !simulates {
         let remedy = choice::bias_remedy(args, &model, &json.file, filter.as_ref())?;
         json.summary.bias_remedy = remedy;
+        json.summary.relative_absolute_without_delays = delay::tried(args, &model, &json.summary)?;
     }
     json.file.filter.clone_from(&filter);
     identified.provenance.filter = filter;
@@ -132,7 +130,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     report::of_identified(args, &robot, &model, &json, &identified)?;
     terminal::print(&match args.format {
         Format::Json => table::document(&json),
-        Format::Human => identification_text(&json, DELAY_REMEDY),
+        Format::Human => identification_text(&json),
     })?;
     for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));

@@ -16,7 +16,7 @@ use super::{
     FREQUENCY, HARMONICS, Sample, csv, normal, recorded, sampled, scratch, series, truth, worst,
 };
 use crate::args::{Cli, Command, IdentifyArgs};
-use crate::identify::{DELAY_REMEDY, Outcome, solve};
+use crate::identify::{Outcome, solve};
 use crate::{load, observe, outputs, parameters, table};
 use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -125,7 +125,7 @@ impl RobotWithLog {
         let printed: Value = serde_json::from_str(&table::json(&json)).unwrap();
         let rows = printed["parameters"].as_array().unwrap();
         assert_eq!(rows.len(), identified.beta.len());
-        let human = identification_text(&json, DELAY_REMEDY);
+        let human = identification_text(&json);
         let adopted = human
             .split("the least-squares estimates, for")
             .next()

@@ -9,8 +9,12 @@ use regen_identify::text::figure;
 /// one is named with the reason. Efforts that seem to be early may be those of a controller that
 /// answers the noise of measured positions: they are correlated with noise that came before.
 ///
-/// - `remedy`: how to correct them, in words.
-pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &str) -> String {
+/// - `errors`: eps_RA with the delays and with `--delay auto`, percent, where that was tried.
+pub(super) fn delays_text(
+    found: &Delays,
+    corrected: &[(String, f64)],
+    errors: Option<(f64, f64)>,
+) -> String {
     let mut out = corrected_delays_text(corrected);
     let mut early = false;
     let mut line = |delay: &Delay, who: &str| {
@@ -41,8 +45,16 @@ pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &
         }
     }
     let is_stated = out.len() > corrected_delays_text(corrected).len();
-    if is_stated && corrected.is_empty() {
-        out.push_str(&field("", remedy));
+    if let Some((with, without)) = errors
+        && is_stated
+        && corrected.is_empty()
+    {
+        let text = if without < with {
+            format!("--delay auto corrects it: eps_RA {with:.3} to {without:.3} % (tried)")
+        } else {
+            "--delay auto does not make eps_RA smaller (tried)".to_owned()
+        };
+        out.push_str(&field("", &text));
     }
     if early {
         let text = "efforts of a controller that answers noise of positions seem early too";
@@ -62,6 +74,11 @@ pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &
         out.push_str(&field("", text));
     }
     out
+}
+
+/// Whether delays are stated, so that a correction is worth trying.
+pub fn states_delays(found: &Delays) -> bool {
+    found.common.iter().chain(&found.efforts).any(matters)
 }
 
 /// Shorter delays are not mentioned, s: this one changes an effort of 10 Hz by 0.06 %.
@@ -115,7 +132,7 @@ mod tests {
                 efforts: Vec::new(),
                 common: Some(common),
             };
-            delays_text(&found, &[], "--delay auto corrects it")
+            delays_text(&found, &[], Some((3.0, 2.5)))
         };
         let late = text(1.5e-3);
         assert!(late.contains("late") && !late.contains("noise"), "{late}");
@@ -139,7 +156,7 @@ mod tests {
                 efforts: Vec::new(),
                 common: Some(common.clone()),
             };
-            delays_text(&found, &[], "--delay auto corrects it")
+            delays_text(&found, &[], Some((3.0, 2.5)))
         };
         let found = text(&common);
         assert!(

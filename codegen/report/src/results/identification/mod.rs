@@ -10,7 +10,7 @@ mod summary;
 mod text;
 mod warnings;
 
-pub use delays::corrected_delays_text;
+pub use delays::{corrected_delays_text, states_delays};
 pub use instruments::Instruments;
 pub use logs::{LogFile, filter_text, resting};
 pub use models::stem;

@@ -53,6 +53,10 @@ pub struct Summary {
     /// The delays that efforts were corrected by while reading, s.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub corrected_delays: Vec<(String, f64)>,
+    /// eps_RA of least squares with `--delay auto`, percent, where the delays are worth a correction that
+    /// was not asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relative_absolute_without_delays: Option<f64>,
     /// Each log predicted by parameters from the others.
     pub cross: Vec<CrossValidation>,
     /// The steps of a reduction.

@@ -18,9 +18,7 @@ use super::{BiasRemedy, Identification, Simulated, Summary, filter_text, resting
 const MAX_PRINTED_PERCENT: f64 = 1000.0;
 
 /// The result of an identification as tables of at most 80 columns.
-///
-/// - `delay_remedy`: how to correct delays of efforts, in words.
-pub fn identification_text(found: &Identification, delay_remedy: &str) -> String {
+pub fn identification_text(found: &Identification) -> String {
     let (file, summary) = (&found.file, &found.summary);
     let mut out = format!(
         "{}, {} parameters from {} equations\n",
@@ -47,10 +45,13 @@ pub fn identification_text(found: &Identification, delay_remedy: &str) -> String
         out.push_str(&resting(left));
     }
     out.push_str(&filter_text(file.filter.as_ref()));
+    let corrected = summary
+        .relative_absolute
+        .zip(summary.relative_absolute_without_delays);
     out.push_str(&delays_text(
         &summary.delays,
         &summary.corrected_delays,
-        delay_remedy,
+        corrected,
     ));
     if let Some(instruments) = &summary.instruments {
         out.push_str(&instruments.to_text());
