@@ -12,7 +12,7 @@ use regen_identify::identify::EquationKind;
 use regen_response::{Setup, controllers};
 use regen_runtime::Info;
 
-use crate::args::{DelayArg, PayloadArg, ReadingArgs};
+use crate::args::{DelayArg, PayloadArg, ReadingArgs, require_unread};
 use crate::exit::Failure;
 use crate::{load, mistakes};
 
@@ -89,7 +89,22 @@ pub(crate) fn resolve_loaded(
     resolved(logs, reading, Some(spec), false)
 }
 
+/// As [`planned`], and refuses files of runs that the command would overwrite.
 fn resolved(
+    logs: &mut Vec<Run>,
+    reading: &mut ReadingArgs,
+    spec: Option<&Source>,
+    is_plain: bool,
+) -> Result<Vec<Run>, Failure> {
+    let more = planned(logs, reading, spec, is_plain)?;
+    for output in &reading.outputs {
+        let files = logs.iter().chain(&more).flat_map(|run| &run.files);
+        require_unread(output, files.map(PathBuf::as_path))?;
+    }
+    Ok(more)
+}
+
+fn planned(
     logs: &mut Vec<Run>,
     reading: &mut ReadingArgs,
     spec: Option<&Source>,

@@ -48,7 +48,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         );
         return Err(Failure::Input(text));
     }
-    let chosen = identify_simulated::with_estimator(args)?;
+    let mut chosen = identify_simulated::with_estimator(args)?;
+    physical::take_enough_draws(&mut chosen)?;
     let args = &chosen;
     let source = load::source(&args.file)?;
     let mut args = args.clone();

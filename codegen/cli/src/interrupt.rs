@@ -1,4 +1,5 @@
-//! Ctrl-C: removes a half-written file, and lets a search end with the best result so far.
+//! Ctrl-C, and the signals that end a program: remove a half-written file, and let a search end with
+//! the best result so far.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,8 +11,9 @@ use crate::call;
 /// The exit code of an interrupted program: 128 plus the signal's number.
 pub(crate) const INTERRUPTED: u8 = 130;
 
-/// The temporary file that is being written, or the folder of temporary files, or `None`.
-static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
+/// The files that are being written, with the empty one that reserves a name, and folders of temporary
+/// files.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// Whether the command ends by itself after the first interrupt.
 static ENDS_BY_ITSELF: AtomicBool = AtomicBool::new(false);
 /// Whether the first interrupt has come.
@@ -24,10 +26,10 @@ pub(crate) fn listen() {
         if ENDS_BY_ITSELF.load(Ordering::Relaxed) && !INTERRUPT_SEEN.swap(true, Ordering::Relaxed) {
             return;
         }
-        if let Ok(unfinished) = UNFINISHED.lock()
-            && let Some(path) = unfinished.as_ref()
-        {
-            let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
+        if let Ok(unfinished) = UNFINISHED.lock() {
+            for path in unfinished.iter() {
+                let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
+            }
         }
         std::process::exit(INTERRUPTED.into());
     });
@@ -42,9 +44,16 @@ pub(crate) fn flag() -> Arc<AtomicBool> {
     })
 }
 
-/// Sets the temporary file or folder that the handler removes; `None` once it is complete.
-pub(crate) fn set_unfinished(path: Option<&Path>) {
+/// From now on the handler removes this file or folder.
+pub(crate) fn begin(path: &Path) {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
-        *unfinished = path.map(Path::to_path_buf);
+        unfinished.push(path.to_path_buf());
+    }
+}
+
+/// From now on the handler leaves this file or folder.
+pub(crate) fn finish(path: &Path) {
+    if let Ok(mut unfinished) = UNFINISHED.lock() {
+        unfinished.retain(|own| own != path);
     }
 }

@@ -6,7 +6,7 @@ use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::Interpreted;
 
-use crate::args::{PhysicalArgs, PriorArg};
+use crate::args::{IdentifyArgs, MAX_DRAWS, PhysicalArgs, PriorArg};
 use crate::exit::Failure;
 use crate::terminal;
 
@@ -79,4 +79,35 @@ impl From<FeasibilityError> for Failure {
             other => Self::Input(other.to_string()),
         }
     }
+}
+
+/// Takes as many draws as the level of the intervals needs: their ends are among the draws, of which the
+/// outermost leave out two of one more than there are.
+///
+/// # Errors
+///
+/// When the level needs more draws than can be taken.
+pub(crate) fn take_enough_draws(args: &mut IdentifyArgs) -> Result<(), Failure> {
+    let draws = args.physical.draws;
+    if draws == 0 || !args.physical.wanted() {
+        return Ok(());
+    }
+    let needed = (2.0 / (1.0 - args.confidence) - 1e-9).ceil() - 1.0;
+    if needed > MAX_DRAWS as f64 {
+        return Err(Failure::Usage(format!(
+            "--confidence {} needs {needed:.0} draws, more than {MAX_DRAWS}: choose a lower level, or \
+             --draws 0 for no intervals",
+            args.confidence
+        )));
+    }
+    #[allow(clippy::cast_sign_loss, reason = "it is positive")]
+    let needed = needed as usize;
+    if draws < needed {
+        terminal::note(&format!(
+            "--confidence {} needs {needed} draws, which are taken",
+            args.confidence
+        ));
+        args.physical.draws = needed;
+    }
+    Ok(())
 }

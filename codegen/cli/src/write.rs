@@ -46,10 +46,13 @@ pub(crate) fn create(path: &Path, text: &str, remedy: &str) -> Result<(), Failur
             )),
             _ => Failure::io("write", path, &error),
         })?;
-    atomically(path, text).inspect_err(|_| {
+    interrupt::begin(path);
+    let written = atomically(path, text).inspect_err(|_| {
         // Remove the empty file made above; the first error is the one to report.
         let _ = fs::remove_file(path);
-    })
+    });
+    interrupt::finish(path);
+    written
 }
 
 fn replace(path: &Path, text: &str) -> io::Result<()> {
@@ -59,7 +62,14 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
         place.write_all(text.as_bytes())?;
         return place.flush();
     }
-    let behind = before.as_ref().and_then(|_| fs::canonicalize(path).ok());
+    let behind = match &before {
+        Some(_) => fs::canonicalize(path).ok(),
+        // a link to a file that does not exist yet
+        None => {
+            let target = fs::read_link(path).ok();
+            target.map(|target| path.parent().unwrap_or(Path::new("")).join(target))
+        }
+    };
     let path = behind.as_deref().unwrap_or(path);
     let dir = path.parent().unwrap_or(Path::new(""));
     if !dir.as_os_str().is_empty() {
@@ -78,7 +88,7 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
         // The first error is the one to report.
         let _ = fs::remove_file(&temporary);
     }
-    interrupt::set_unfinished(None);
+    interrupt::finish(&temporary);
     written
 }
 
@@ -92,7 +102,7 @@ fn temporary(dir: &Path, path: &Path) -> io::Result<(PathBuf, File)> {
         let temporary = dir.join(format!(".{name}.{}.{number}.tmp", std::process::id()));
         match File::create_new(&temporary) {
             Ok(file) => {
-                interrupt::set_unfinished(Some(&temporary));
+                interrupt::begin(&temporary);
                 return Ok((temporary, file));
             }
             Err(error) if error.kind() == ErrorKind::AlreadyExists && number < MAX_TRIES => {

@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::common::{root, scratch};
+use crate::common::{regen, root, scratch};
 
 /// Time limit of an answer. It takes a second on an idle machine; tests run at the same time.
 const MAX_ANSWER_TIME: Duration = Duration::from_secs(10);
@@ -350,4 +350,46 @@ fn logs_made_to_break_the_reader_are_answered() {
             assert!(err.len() < 60_000, "{name}: {} bytes", err.len());
         }
     }
+}
+
+#[test]
+fn numbers_that_would_take_all_memory_or_days_are_refused_with_their_bounds() {
+    let dir = scratch("absurd_numbers");
+    let spec = root().join("robots/fivebar.yaml").display().to_string();
+    for (words, bound) in [
+        (
+            "identify SPEC log.csv --feasible --draws 18446744073709551615",
+            "100000",
+        ),
+        (
+            "identify SPEC log.csv --feasible --draws 1000000000000",
+            "100000",
+        ),
+        ("simulate SPEC --runs 1000000000000 --out log.csv", "10000"),
+        ("rehearse SPEC --runs 1000000000000", "1000"),
+        ("rehearse SPEC --seeds 1000000000000", "100000"),
+        ("rehearse SPEC --feasible --draws 1000000000000", "100000"),
+        ("excite SPEC --samples 1000000000000", "100000"),
+        ("excite SPEC --harmonics 1000000000000", "1000"),
+        ("excite SPEC --threads 1000000000000", "1024"),
+        ("verify SPEC --states 1000000000000", "1000000"),
+    ] {
+        let words: Vec<&str> = words
+            .split(' ')
+            .map(|w| if w == "SPEC" { &spec } else { w })
+            .collect();
+        let err = regen(&dir, &words).ended(2).err;
+        assert!(err.contains(bound), "{words:?}: {err}");
+    }
+    // a level that needs more draws than there are takes them, or is refused
+    let words = [
+        "identify",
+        &spec,
+        "log.csv",
+        "--feasible",
+        "--confidence",
+        "0.99999999",
+    ];
+    let err = regen(&dir, &words).ended(2).err;
+    assert!(err.contains("draws, more than 100000"), "{err}");
 }

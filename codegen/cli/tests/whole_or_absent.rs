@@ -252,3 +252,91 @@ fn a_path_that_cannot_be_written_is_reported() {
     assert_eq!(fs::read_to_string(closed.join("m.html")).unwrap(), "old");
     fs::set_permissions(&closed, fs::Permissions::from_mode(0o755)).unwrap();
 }
+
+#[test]
+fn a_file_that_is_read_is_never_written_and_two_outputs_are_two_files() {
+    let dir = scratch("outputs_apart");
+    let spec = "fivebar.yaml";
+    let guide = root().join("runtime/guide/fivebar/fivebar.yaml");
+    fs::copy(guide, dir.join(spec)).unwrap();
+    regen(
+        &dir,
+        &[
+            "excite",
+            spec,
+            "--out",
+            "t.json",
+            "--harmonics",
+            "3",
+            "--starts",
+            "1",
+        ],
+    )
+    .ended(0);
+    let words =
+        "simulate fivebar.yaml --trajectory t.json --duration 3 --out log.csv --noise 1e-6,0.01";
+    regen(&dir, &words.split(' ').collect::<Vec<&str>>()).ended(0);
+    regen(&dir, &["identify", spec, "log.csv", "--out", "p.json"]).ended(0);
+    fs::write(dir.join("runs.yaml"), "runs: [{files: [log.csv]}]\n").unwrap();
+    fs::create_dir(dir.join("sub")).unwrap();
+    let inputs = [spec, "t.json", "log.csv", "p.json", "runs.yaml"];
+    let contents = || inputs.map(|name| fs::read(dir.join(name)).unwrap());
+    let before = contents();
+    for words in [
+        "identify fivebar.yaml log.csv --out log.csv",
+        "identify fivebar.yaml log.csv --out ./sub/../log.csv",
+        "identify fivebar.yaml log.csv --report log.csv",
+        "identify fivebar.yaml log.csv --out fivebar.yaml",
+        "identify fivebar.yaml runs.yaml --out log.csv",
+        "identify fivebar.yaml runs.yaml --out runs.yaml",
+        "identify fivebar.yaml log.csv --out x.json --rust x.json",
+        "identify fivebar.yaml log.csv --out x.json --rust sub/../x.json",
+        "observe fivebar.yaml log.csv --out log.csv",
+        "validate fivebar.yaml p.json log.csv --predict log.csv",
+        "validate fivebar.yaml p.json log.csv --predict p.json",
+        "inspect log.csv --report log.csv",
+        "simulate fivebar.yaml --trajectory t.json --out fivebar.yaml",
+        "simulate fivebar.yaml --trajectory t.json --out t.json",
+        "simulate fivebar.yaml --trajectory t.json --parameters p.json --out p.json",
+        "simulate fivebar.yaml --trajectory t.json --out a.csv --controller a.csv",
+        "view fivebar.yaml --out fivebar.yaml",
+        "excite fivebar.yaml --out fivebar.yaml",
+        "report fivebar.yaml p.json log.csv --out p.json",
+        "generate fivebar.yaml --out fivebar.yaml",
+        "fivebar.yaml --out fivebar.yaml",
+    ] {
+        let ended = regen(&dir, &words.split(' ').collect::<Vec<&str>>());
+        assert_ne!(ended.code, 0, "{words}");
+        assert!(contents() == before, "{words} changed an input");
+        assert!(
+            !dir.join("x.json").exists() && !dir.join("a.csv").exists(),
+            "{words}"
+        );
+    }
+    let err = regen(&dir, &["identify", spec, "log.csv", "--out", "log.csv"])
+        .ended(2)
+        .err;
+    assert!(
+        err.contains("log.csv would be read and overwritten"),
+        "{err}"
+    );
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("log.csv", dir.join("link.csv")).unwrap();
+        regen(&dir, &["identify", spec, "log.csv", "--out", "link.csv"]).ended(2);
+        assert!(contents() == before);
+        // a link to a file that does not exist yet is followed
+        std::os::unix::fs::symlink("new.json", dir.join("dangling.json")).unwrap();
+        regen(
+            &dir,
+            &["identify", spec, "log.csv", "--out", "dangling.json"],
+        )
+        .ended(0);
+        assert!(
+            fs::symlink_metadata(dir.join("dangling.json"))
+                .unwrap()
+                .is_symlink()
+        );
+        assert!(dir.join("new.json").is_file());
+    }
+}

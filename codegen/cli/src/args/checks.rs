@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::Format;
+use super::reading::count;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -60,7 +61,7 @@ pub(crate) struct VerifyArgs {
     pub(crate) all: bool,
     /// Random closed states of the observation matrix [default: enough for
     /// four rows per column]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<0, 1_000_000>)]
     pub(crate) states: Option<usize>,
     /// How the result is printed; markdown with --all
     #[arg(long, value_enum, default_value_t)]

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 
 use super::format::Format;
-use super::reading::{PayloadArg, at_least_one};
+use super::reading::{PayloadArg, count};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -42,13 +42,13 @@ pub(crate) struct ExciteArgs {
     #[arg(long, value_enum)]
     pub(crate) payload: Option<PayloadArg>,
     /// The number of harmonics
-    #[arg(long, value_name = "N", default_value_t = 11)]
+    #[arg(long, value_name = "N", default_value_t = 11, value_parser = count::<0, 1000>)]
     pub(crate) harmonics: usize,
     /// The frequency of the first harmonic in Hz [default: 2/15, a period of 7.5 s]
     #[arg(long, value_name = "HZ", default_value_t = 1.0 / 7.5, hide_default_value = true)]
     pub(crate) frequency: f64,
     /// The number of samples in a period
-    #[arg(long, value_name = "N", default_value_t = 75)]
+    #[arg(long, value_name = "N", default_value_t = 75, value_parser = count::<0, 100_000>)]
     pub(crate) samples: usize,
     /// The measure that the trajectory minimises
     #[arg(long, value_enum, default_value_t)]
@@ -71,13 +71,13 @@ pub(crate) struct ExciteArgs {
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub(crate) seed: u64,
     /// The number of random starts, of which the best result is used
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = at_least_one)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = count::<1, 100_000>)]
     pub(crate) starts: usize,
     /// The most steps in the last of the five stages of a start; the others take up to a third
-    #[arg(long, value_name = "N", default_value_t = 180)]
+    #[arg(long, value_name = "N", default_value_t = 180, value_parser = count::<0, 1_000_000>)]
     pub(crate) steps: usize,
     /// The number of threads [default: as many as the machine has]
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, value_parser = count::<0, 1024>)]
     pub(crate) threads: usize,
     /// How the summary is printed
     #[arg(long, value_enum, default_value_t)]

@@ -1,5 +1,6 @@
 //! The command line: commands, options, and the help text that clap prints for them.
 
+mod apart;
 mod checks;
 mod derived;
 mod equations;
@@ -25,6 +26,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use regen_codegen::spec::nearest;
 use regen_report::documents::Document;
 
+pub(crate) use apart::require_unread;
 pub(crate) use checks::{CheckArgs, VerifyArgs, VerifyFormat};
 pub(crate) use derived::{BaseArgs, EvalArgs, InfoArgs, ModelArgs, TableFormat};
 pub(crate) use equations::{EquationsArgs, OfArg, ParametersArg, StyleArg};
@@ -34,7 +36,7 @@ pub(crate) use generate::{GenerateArgs, TargetArg};
 pub(crate) use identify::{EstimatorArg, IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
 pub(crate) use inspect::InspectArgs;
 pub(crate) use new::{Kind, NewArgs};
-pub(crate) use physical::{PhysicalArgs, PriorArg};
+pub(crate) use physical::{MAX_DRAWS, PhysicalArgs, PriorArg};
 pub(crate) use reading::{
     DelayArg, PayloadArg, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
 };
@@ -109,6 +111,7 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
     let parsed = command.get_matches_from(&words);
     let mut cli =
         Cli::from_arg_matches(&parsed).map_err(|error| Failure::Usage(error.to_string()))?;
+    cli.set_outputs(&parsed)?;
     match &mut cli.command {
         Some(Command::Identify(args)) => args.report.command = Some(command_line(&words)),
         Some(Command::Report(args)) => args.command = Some(command_line(&words)),
@@ -142,11 +145,32 @@ fn command_line(words: &[OsString]) -> String {
 /// When clap refuses the words, or they ask for help.
 pub(crate) fn parse_words(words: &[OsString]) -> Result<Cli, Failure> {
     let name = OsString::from("regen");
-    let command = with_negative_numbers(Cli::command());
-    command
+    let parsed = with_negative_numbers(Cli::command())
         .try_get_matches_from(std::iter::once(&name).chain(words))
-        .and_then(|parsed| Cli::from_arg_matches(&parsed))
-        .map_err(|error| Failure::Usage(error.to_string().trim_end().to_owned()))
+        .and_then(|parsed| Ok((Cli::from_arg_matches(&parsed)?, parsed)));
+    let (mut cli, parsed) =
+        parsed.map_err(|error| Failure::Usage(error.to_string().trim_end().to_owned()))?;
+    cli.set_outputs(&parsed)?;
+    Ok(cli)
+}
+
+impl Cli {
+    /// Checks that no file is written that is read or written too, and tells this to the reading of logs,
+    /// which an experiment file may name.
+    fn set_outputs(&mut self, parsed: &clap::ArgMatches) -> Result<(), Failure> {
+        let outputs = apart::outputs(parsed)?;
+        let reading = match &mut self.command {
+            Some(Command::Observe(args)) => &mut args.reading,
+            Some(Command::Identify(args)) => &mut args.reading,
+            Some(Command::Validate(args)) => &mut args.reading,
+            Some(Command::Inspect(args)) => &mut args.reading,
+            Some(Command::Rehearse(args)) => &mut args.reading,
+            Some(Command::Report(args)) => &mut args.reading,
+            _ => return Ok(()),
+        };
+        reading.outputs = outputs;
+        Ok(())
+    }
 }
 
 /// The error message for a first word that looks like a command but is neither a command nor a

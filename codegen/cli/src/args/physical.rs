@@ -128,11 +128,14 @@ fn number(text: &str) -> Result<f64, String> {
 /// The smallest number of draws that gives an interval.
 const MIN_DRAWS: usize = 5;
 
-fn draws(text: &str) -> Result<usize, String> {
+/// The largest number of draws: each is a fit, and all of them are kept.
+pub(crate) const MAX_DRAWS: usize = 100_000;
+
+pub(super) fn draws(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
-        Ok(value) if value == 0 || value >= MIN_DRAWS => Ok(value),
+        Ok(value) if value == 0 || (MIN_DRAWS..=MAX_DRAWS).contains(&value) => Ok(value),
         _ => Err(format!(
-            "`{text}` is neither 0 nor a whole number of at least {MIN_DRAWS}"
+            "`{text}` is neither 0 nor a whole number from {MIN_DRAWS} to {MAX_DRAWS}"
         )),
     }
 }

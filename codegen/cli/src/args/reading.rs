@@ -90,6 +90,9 @@ pub(crate) struct ReadingArgs {
     /// The content of the experiment file, which the options override.
     #[arg(skip)]
     pub(crate) experiment: Option<Box<Experiment>>,
+    /// The files that the command writes, which no log may be.
+    #[arg(skip)]
+    pub(crate) outputs: Vec<PathBuf>,
 }
 
 /// Parses the path of a log or an experiment file.
@@ -182,6 +185,17 @@ pub(super) fn at_least_one(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
         Ok(value) if value > 0 => Ok(value),
         _ => Err(format!("`{text}` is not a whole number of at least 1")),
+    }
+}
+
+/// A whole number between two bounds; larger ones would take the machine's memory or run for days.
+pub(super) fn count<const LEAST: usize, const MOST: usize>(text: &str) -> Result<usize, String> {
+    match text.trim().parse::<usize>() {
+        Ok(value) if value > MOST => Err(format!("`{text}` is more than {MOST}")),
+        Ok(value) if value >= LEAST => Ok(value),
+        _ => Err(format!(
+            "`{text}` is not a whole number of at least {LEAST}"
+        )),
     }
 }
 

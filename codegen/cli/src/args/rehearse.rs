@@ -9,8 +9,8 @@ use regen_identify::intervals::DEFAULT_DRAWS;
 
 use super::format::Format;
 use super::identify::{EstimatorArg, WeightingArg};
-use super::physical::{PriorArg, value};
-use super::reading::{ReadingArgs, at_least_one, run};
+use super::physical::{PriorArg, draws, value};
+use super::reading::{ReadingArgs, count, run};
 use super::simulate::TwinArgs;
 
 #[derive(Clone, Debug, Args)]
@@ -63,13 +63,13 @@ pub(crate) struct RehearseArgs {
     #[arg(value_name = "RUNS", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// The number of seeds, beginning with --seed
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = at_least_one)]
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = count::<1, 100_000>)]
     pub(crate) seeds: usize,
     /// The least score for exit code 0, percent
     #[arg(long, value_name = "PERCENT", default_value_t = 90.0)]
     pub(crate) score: f64,
     /// The number of runs per seed to identify from [default: 1]
-    #[arg(long, value_name = "N", value_parser = at_least_one, conflicts_with = "logs")]
+    #[arg(long, value_name = "N", value_parser = count::<1, 1000>, conflicts_with = "logs")]
     pub(crate) runs: Option<usize>,
     /// An effect that the simulated robot has and the model lacks: stribeck=PART or
     /// stribeck=PART,SPEED
@@ -83,7 +83,7 @@ pub(crate) struct RehearseArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) keep: Option<PathBuf>,
     /// The number of threads, on which the result does not depend [default: all]
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, value_parser = count::<0, 1024>)]
     pub(crate) threads: usize,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
@@ -124,7 +124,7 @@ pub(crate) struct SolvingArgs {
     #[arg(long, value_name = "KIND")]
     pub(crate) prior: Option<PriorArg>,
     /// The number of draws for the intervals of feasible parameters
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS)]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS, value_parser = draws)]
     pub(crate) draws: usize,
     /// Give iv and didim the trajectory
     #[arg(long)]

@@ -7,6 +7,7 @@ use regen_experiment::simulate::Gains;
 
 use super::PayloadArg;
 use super::format::Format;
+use super::reading::count;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -45,7 +46,7 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "LOG")]
     pub(crate) out: PathBuf,
     /// The number of runs, which differ in their noise
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = count::<0, 10_000>)]
     pub(crate) runs: usize,
     /// Also log the commanded positions, as cmd_NAME
     #[arg(long, conflicts_with = "exact")]

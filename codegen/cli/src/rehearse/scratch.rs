@@ -32,7 +32,7 @@ impl Folder {
             let path = std::env::temp_dir().join(name);
             match fs::create_dir(&path) {
                 Ok(()) => {
-                    interrupt::set_unfinished(Some(&path));
+                    interrupt::begin(&path);
                     return Ok(Self { path, is_own: true });
                 }
                 Err(why) if why.kind() == ErrorKind::AlreadyExists && number < MAX_TRIES => {
@@ -53,7 +53,7 @@ impl Drop for Folder {
         if self.is_own {
             // a folder that cannot be removed is left for the system to clean up
             let _ = fs::remove_dir_all(&self.path);
-            interrupt::set_unfinished(None);
+            interrupt::finish(&self.path);
         }
     }
 }
