@@ -32,6 +32,10 @@ pub(crate) struct Outcome {
 /// count linearly.
 const MIN_HUBER_BOUND: f64 = 0.1;
 
+/// The covariance of Newey and West needs so many times its bandwidth of samples: it is biased by the part
+/// of the bandwidth in them.
+const MIN_BANDWIDTHS: usize = 4;
+
 /// Runs the command.
 pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     if !(args.confidence > 0.0 && args.confidence < 1.0) {
@@ -377,6 +381,15 @@ fn logs(
             failure
         }
     })?;
+    if let Some(bandwidth) = args.bandwidth
+        && MIN_BANDWIDTHS * bandwidth > start.deviations.samples
+    {
+        let text = format!(
+            "--bandwidth {bandwidth} is too long for {} samples: it needs {MIN_BANDWIDTHS} times as many",
+            start.deviations.samples
+        );
+        return Err(Failure::Input(text));
+    }
     observe::note_problems(&start.reports);
     let short = results::too_short(&start.deviations).filter(|_| args.bandwidth.is_none());
     let few = results::too_few(&start);

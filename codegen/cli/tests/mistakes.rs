@@ -161,3 +161,94 @@ fn every_mistake_in_a_log_is_answered_with_its_rows() {
     }
     insta::assert_snapshot!("logs", table);
 }
+
+#[test]
+fn options_without_effect_unknown_names_and_units_of_the_wrong_kind_are_refused() {
+    let dir = scratch("mistakes_options");
+    let guide = root().join("runtime/guide/fivebar/fivebar.yaml");
+    fs::copy(guide, dir.join("fivebar.yaml")).unwrap();
+    let run = |words: &str| regen(&dir, &words.split(' ').collect::<Vec<&str>>());
+    run("excite fivebar.yaml --out t.json --seed 1 --harmonics 5 --starts 1 --frequency 0.2")
+        .ended(0);
+    run("simulate fivebar.yaml --trajectory t.json --step 0.01 --duration 10 --out log.csv --noise 1e-6,0.01")
+        .ended(0);
+    run("observe fivebar.yaml log.csv --butterworth 4,10 --out f.json").ended(0);
+    run("identify fivebar.yaml --from f.json").ended(0);
+    for (words, says) in [
+        (
+            "identify fivebar.yaml log.csv --delay q9=0.1",
+            "`q9`, whose delay is given, is none of q1 q3",
+        ),
+        (
+            "identify fivebar.yaml log.csv --deviation q9=1",
+            "`q9`, whose standard deviation",
+        ),
+        ("identify fivebar.yaml log.csv --energy 0", "above 0"),
+        ("identify fivebar.yaml log.csv --energy -1", "above 0"),
+        ("identify fivebar.yaml log.csv --energy nan", "above 0"),
+        (
+            "identify fivebar.yaml log.csv --column tau_q1=tau_q1:deg",
+            "`deg` is no unit of `tau_q1`",
+        ),
+        (
+            "identify fivebar.yaml log.csv --column q1=q1:Nm",
+            "`Nm` is no unit of `q1`",
+        ),
+        (
+            "identify fivebar.yaml log.csv --column t=t:A",
+            "`A` is no unit of `t`",
+        ),
+        (
+            "identify fivebar.yaml log.csv --column q3=q1",
+            "read as two quantities",
+        ),
+        (
+            "identify fivebar.yaml log.csv --rate 100",
+            "a rate is stated too",
+        ),
+        (
+            "identify fivebar.yaml log.csv --bandwidth 100000",
+            "is too long for",
+        ),
+        (
+            "identify fivebar.yaml --from f.json --butterworth 4,20",
+            "--butterworth has no effect",
+        ),
+        (
+            "identify fivebar.yaml --from f.json --delay auto",
+            "--delay has no effect",
+        ),
+        (
+            "identify fivebar.yaml --from f.json --no-suspicion",
+            "--no-suspicion has no effect",
+        ),
+        (
+            "identify fivebar.yaml log.csv --settle 1",
+            "--settle has no effect",
+        ),
+        (
+            "identify fivebar.yaml log.csv --window 2",
+            "--window has no effect",
+        ),
+        (
+            "identify fivebar.yaml log.csv --estimator didim --window 2",
+            "--window has no effect",
+        ),
+        (
+            "simulate fivebar.yaml --no-friction --friction-width 0.1 --out x.csv",
+            "--friction-width has no effect",
+        ),
+        (
+            "rehearse fivebar.yaml --estimator ls --huber 2",
+            "--huber has no effect",
+        ),
+    ] {
+        let ended = run(words);
+        assert!(
+            [2, 3].contains(&ended.code) && ended.err.contains(says),
+            "{words}: {} {}",
+            ended.code,
+            ended.err
+        );
+    }
+}

@@ -3,6 +3,7 @@
 mod apart;
 mod checks;
 mod derived;
+mod effects;
 mod equations;
 mod excite;
 mod format;
@@ -111,7 +112,7 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
     let parsed = command.get_matches_from(&words);
     let mut cli =
         Cli::from_arg_matches(&parsed).map_err(|error| Failure::Usage(error.to_string()))?;
-    cli.set_outputs(&parsed)?;
+    cli.check(&parsed)?;
     match &mut cli.command {
         Some(Command::Identify(args)) => args.report.command = Some(command_line(&words)),
         Some(Command::Report(args)) => args.command = Some(command_line(&words)),
@@ -150,14 +151,15 @@ pub(crate) fn parse_words(words: &[OsString]) -> Result<Cli, Failure> {
         .and_then(|parsed| Ok((Cli::from_arg_matches(&parsed)?, parsed)));
     let (mut cli, parsed) =
         parsed.map_err(|error| Failure::Usage(error.to_string().trim_end().to_owned()))?;
-    cli.set_outputs(&parsed)?;
+    cli.check(&parsed)?;
     Ok(cli)
 }
 
 impl Cli {
-    /// Checks that no file is written that is read or written too, and tells this to the reading of logs,
-    /// which an experiment file may name.
-    fn set_outputs(&mut self, parsed: &clap::ArgMatches) -> Result<(), Failure> {
+    /// Checks that every option has an effect and that no file is written that is read or written too, and
+    /// tells the reading of logs, which an experiment file may name, what is written.
+    fn check(&mut self, parsed: &clap::ArgMatches) -> Result<(), Failure> {
+        effects::require_effect(parsed)?;
         let outputs = apart::outputs(parsed)?;
         let reading = match &mut self.command {
             Some(Command::Observe(args)) => &mut args.reading,

@@ -46,7 +46,7 @@ pub(crate) struct ReadingArgs {
     #[arg(long, value_name = "ORDER,HZ", value_parser = flipped, group = "method")]
     pub(crate) butterworth: Option<(f64, usize)>,
     /// Fit cubic polynomials within this time in s on either side
-    #[arg(long, value_name = "S", group = "method", hide_short_help = true)]
+    #[arg(long, value_name = "S", value_parser = positive, group = "method", hide_short_help = true)]
     pub(crate) local: Option<f64>,
     /// Use no filter, but central differences of the positions as they are, for logs that
     /// were filtered before
@@ -56,7 +56,7 @@ pub(crate) struct ReadingArgs {
     #[arg(long, value_name = "N", value_parser = at_least_one, hide_short_help = true)]
     pub(crate) decimate: Option<usize>,
     /// Average over the repetitions of a trajectory with this period in s
-    #[arg(long, value_name = "S", hide_short_help = true)]
+    #[arg(long, value_name = "S", value_parser = positive, hide_short_help = true)]
     pub(crate) period: Option<f64>,
     /// Whether the payloads of the spec are carried in all logs; required if it has
     /// payloads, here or for each run of an experiment file
@@ -85,7 +85,7 @@ pub(crate) struct ReadingArgs {
     pub(crate) delay: Vec<DelayArg>,
     /// Use the energy balance over windows of this length in s instead of the
     /// equations of motion, which needs no accelerations
-    #[arg(long, value_name = "S", hide_short_help = true)]
+    #[arg(long, value_name = "S", value_parser = positive, hide_short_help = true)]
     pub(crate) energy: Option<f64>,
     /// The content of the experiment file, which the options override.
     #[arg(skip)]

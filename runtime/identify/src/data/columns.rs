@@ -21,6 +21,17 @@ pub enum Quantity {
 }
 
 impl Quantity {
+    /// The units that a column of it may have.
+    pub(crate) fn units(&self) -> &'static [&'static str] {
+        match self {
+            Self::Time => &["s", "ms", "us", "ns"],
+            Self::Position(_) => &["rad", "deg", "rev", "m", "cm", "mm", "um"],
+            Self::Velocity(_) => &["rad/s", "deg/s", "rpm", "m/s", "mm/s"],
+            Self::Acceleration(_) => &["rad/s^2", "deg/s^2", "m/s^2"],
+            Self::Effort(_) => &["Nm", "mNm", "N", "kN", "A", "mA"],
+        }
+    }
+
     /// The coordinate of the quantity; `None` for the time.
     pub(super) fn coordinate(&self) -> Option<&str> {
         match self {
@@ -212,6 +223,14 @@ impl FromStr for Assignment {
         } else {
             Quantity::Position(name.to_owned())
         };
+        if let Some((unit, _)) = unit
+            && !quantity.units().contains(&unit)
+        {
+            return Err(AssignmentError(format!(
+                "`{unit}` is no unit of `{quantity}`: use one of {}",
+                quantity.units().join(" ")
+            )));
+        }
         Ok(Self {
             factor: unit.map_or(1.0, |u| u.1) * factor.unwrap_or(1.0),
             unit: unit.map(|u| u.0),

@@ -299,6 +299,14 @@ impl<'a> Finder<'a> {
             return Ok((first, Some(each)));
         }
         if self.search.by_rate {
+            let named = |name: &&&str| self.header.iter().any(|title| title == **name);
+            if let Some(title) = ["t", "time"].iter().find(named) {
+                let why = format!(
+                    "the column `{title}` has the time of the rows, and a rate is stated too: leave out \
+                     the rate, or rename the column if it is no time in s"
+                );
+                return Err(why.into());
+            }
             let counted = Channel {
                 index: None,
                 factor: 1.0,
@@ -426,6 +434,24 @@ impl ColumnLayout {
             let effort = Quantity::Effort(name.to_owned());
             let found = finder.find(&effort)?;
             channels.push(found.ok_or_else(|| finder.missing(&effort, "an effort"))?);
+        }
+        let same = |a: &Channel, b: &Channel| {
+            let changes = (a.factor - b.factor).abs() + (a.offset - b.offset).abs();
+            a.index.is_some() && a.index == b.index && changes <= 0.0
+        };
+        for (place, channel) in channels.iter().enumerate() {
+            if channels
+                .iter()
+                .take(place)
+                .any(|other| same(other, channel))
+            {
+                let title = channel.index.and_then(|i| finder.header.get(i));
+                let why = format!(
+                    "the column `{}` is read as two quantities: name another one for one of them",
+                    title.map_or("", String::as_str)
+                );
+                return Err(why.into());
+            }
         }
         let mut all = velocities.iter().chain(&accelerations);
         Ok(Self {

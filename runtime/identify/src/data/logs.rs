@@ -168,6 +168,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
             let mut file = LogFile::open(&run.clone().into(), &info, settings)?;
+            require_names(&file.name, &info, settings)?;
             file.cache = RowCache::with_capacity(room);
             let survey = file.survey(&names)?;
             room -= file.cache.numbers().min(room);
@@ -472,6 +473,33 @@ fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError
                 .max(STICKING_PART * usual)
         })
         .collect())
+}
+
+/// Refuses settings of coordinates and efforts that the robot does not have.
+fn require_names(file: &str, info: &Info<'_>, settings: &Settings) -> Result<(), DataError> {
+    let efforts = info
+        .actuated
+        .iter()
+        .filter_map(|k| info.coordinates.get(*k));
+    let efforts: Vec<&str> = efforts.copied().collect();
+    let refuse = |name: &str, what: &str, all: &[&str]| DataError::ColumnLayout {
+        file: file.to_owned(),
+        why: format!(
+            "`{name}`, whose {what} is given, is none of {}",
+            all.join(" ")
+        ),
+    };
+    for (name, _) in &settings.deviations {
+        if !info.coordinates.contains(&name.as_str()) {
+            return Err(refuse(name, "standard deviation", info.coordinates));
+        }
+    }
+    for (name, _) in &settings.delays {
+        if !efforts.contains(&name.as_str()) {
+            return Err(refuse(name, "delay", &efforts));
+        }
+    }
+    Ok(())
 }
 
 /// The indices of the measured coordinates of whose accelerations at least [`NOISE_PART`] is noise of

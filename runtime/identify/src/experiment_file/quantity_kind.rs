@@ -49,12 +49,7 @@ impl QuantityKind {
 
     /// The units of this quantity.
     pub(super) fn units(self) -> &'static [&'static str] {
-        match self {
-            Self::Position => &["rad", "deg", "rev", "m", "cm", "mm", "um"],
-            Self::Velocity => &["rad/s", "deg/s", "rpm", "m/s", "mm/s"],
-            Self::Acceleration => &["rad/s^2", "deg/s^2", "m/s^2"],
-            Self::Effort => &["Nm", "mNm", "N", "kN", "A", "mA"],
-        }
+        self.of("").units()
     }
 }
 
