@@ -14,6 +14,7 @@ use crate::{load, table, terminal, write};
 pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mechanism = load::mechanism(&source)?;
+    load::note_units(&source);
     let analysis = load::analysis(&mechanism, &source)?;
     // only the robot's names are needed: no function is derived
     let robot = mechanism.robot(&[])?;

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use regen_codegen::diag::Report;
+use regen_codegen::diag::{Report, Source};
 use regen_import::{Imported, LOOP_IN_TREE, OptionNames, Options};
 use serde::Serialize;
 
@@ -61,6 +61,10 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
         }
         terminal::note(&format!("note: {note}"));
     }
+    load::note_units(&Source {
+        name: source.name.clone(),
+        text: imported.spec.clone(),
+    });
     if let Some(out) = &args.out {
         // A pipe or a device has no content that could be overwritten.
         let is_file = fs::metadata(out).map_or(true, |found| found.is_file());

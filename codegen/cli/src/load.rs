@@ -17,6 +17,7 @@ use crate::args::PayloadArg;
 use crate::call;
 use crate::exit::Failure;
 use crate::progress::spinner;
+use crate::terminal;
 
 /// Largest file of states, factors or trajectories, in bytes: some million states.
 const MAX_BYTES: usize = 1 << 28;
@@ -104,6 +105,15 @@ pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
         Some(cache) => mechanism.with_store(cache.clone()),
         None => mechanism,
     })
+}
+
+/// Notes angles and lengths of a spec that look like degrees and millimetres; a text that is no spec has its
+/// own errors.
+pub(crate) fn note_units(source: &Source) {
+    let spec = regen_codegen::spec::parse(source).ok();
+    for fact in spec.iter().flat_map(regen_codegen::explain::frame_units) {
+        terminal::note(&format!("warning: {}: {}", source.name, fact.text));
+    }
 }
 
 /// Opens the mechanism of a spec for runs in which its payloads are, or are not, carried; refuses to

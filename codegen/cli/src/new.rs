@@ -64,10 +64,12 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
     };
     // templates and tables are valid by now, so only the name can be wrong: reading the spec checks
     // it
-    load::derived(&Source {
+    let own = Source {
         name: out.display().to_string(),
         text: text.clone(),
-    })?;
+    };
+    load::derived(&own)?;
+    load::note_units(&own);
     let remedy = "choose another NAME, or a file with --out";
     write::create(&out, &text, remedy)?;
     let written = out.display().to_string();

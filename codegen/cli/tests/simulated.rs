@@ -168,8 +168,8 @@ fn an_experiment_file_defines_how_commands_are_read_and_the_controllers() {
          commands: {{q*: goal}}\n    controller:\n{gains}  - {{files: run.csv, use: validate}}\n"
     );
     fs::write(dir.join("runs.yaml"), runs).unwrap();
-    let words = "--window 0.5 --format json --estimator";
-    for estimator in ["response", "didim"] {
+    let words = "--format json --estimator";
+    for estimator in ["response --window 0.5", "didim"] {
         let identify = |log: &str| {
             run(
                 &dir,

@@ -23,6 +23,7 @@ use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constrain
 use crate::diag::{Source, Span, rounded};
 use crate::model::Model;
 use crate::spec::Spec;
+pub use plausible::frame_units;
 
 use motion::{Motions, ObservedMotion};
 use unidentifiable::Bodies;
@@ -263,6 +264,7 @@ pub fn explain(
     let mut warnings = limits::facts(spec, model, home);
     warnings.extend(limits::inertias(spec));
     warnings.extend(plausible::facts(spec, model, home));
+    warnings.extend(plausible::frame_units(spec));
     warnings.extend(plausible::near_right_angles(spec));
     if let Err(why) = &states {
         warnings.push(Fact::given(format!("nothing could be sampled: {why}")));

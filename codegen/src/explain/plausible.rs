@@ -2,7 +2,7 @@
 
 use crate::diag::{Span, rounded};
 use crate::model::{Model, contradicting_limits};
-use crate::spec::{JointFrame, Quantity, Spec};
+use crate::spec::{JointFrame, Placement, Quantity, Spec};
 use crate::sym::Number;
 
 use super::Fact;
@@ -128,6 +128,52 @@ fn millimetres(spec: &Spec, name: &str, limits: Option<[f64; 2]>, home: f64) -> 
     facts
 }
 
+/// Warnings about angles and lengths of frames and centres of mass that look like degrees and millimetres,
+/// one each, at the first of them.
+pub fn frame_units(spec: &Spec) -> Vec<Fact> {
+    let (mut angles, mut lengths) = (Vec::new(), Vec::new());
+    let mut place = |placement: &'_ Placement| {
+        angles.extend(placement.rpy.clone());
+        lengths.extend(placement.xyz.clone());
+    };
+    spec.limbs.iter().for_each(|limb| place(&limb.base));
+    let sides = spec.cuts.iter().flat_map(|cut| &cut.sides);
+    sides.for_each(|side| place(&side.placement));
+    for joint in spec.limbs.iter().flat_map(|limb| &limb.joints) {
+        match &joint.frame {
+            JointFrame::Origin(placement) => place(placement),
+            JointFrame::Dh { alpha, a, d, theta } => place(&Placement {
+                xyz: [a.clone(), d.clone(), a.clone()],
+                rpy: [alpha.clone(), theta.clone(), alpha.clone()],
+            }),
+        }
+    }
+    lengths.extend(spec.bodies.iter().flat_map(|(_, body)| body.com.clone()));
+    let first = |all: &[Quantity], most: f64| {
+        let far =
+            |own: &&Quantity| own.value.to_f64().abs() > most && own.value.pi_multiple().is_none();
+        all.iter().find(far).cloned()
+    };
+    let turns = first(&angles, MANY_TURNS_RAD).map(|own| {
+        let value = own.value.to_f64();
+        let text = format!(
+            "the angle {value} of a frame is in rad, {:.0} turns: if angles are degrees, write deg({value})",
+            value.abs() / core::f64::consts::TAU
+        );
+        Fact::at(Some(own.span), text)
+    });
+    let long = first(&lengths, LONG_M).map(|own| {
+        let value = own.value.to_f64();
+        let text = format!(
+            "the length {} of a frame or a centre of mass is in m: if lengths are mm, write {}",
+            rounded(value),
+            rounded(value / 1000.0)
+        );
+        Fact::at(Some(own.span), text)
+    });
+    turns.into_iter().chain(long).collect()
+}
+
 /// A warning about angles of frames that are a right angle but for their last digits.
 pub(super) fn near_right_angles(spec: &Spec) -> Option<Fact> {
     let frames = spec.limbs.iter().flat_map(|limb| {
@@ -193,6 +239,33 @@ mod tests {
         assert_eq!(found.len(), 2, "{found:?}");
         assert!(found[0].contains("[deg(70), deg(150)]") && found[1].contains("deg(90)"));
         assert!(said(", limits: {position: [-6.2, 6.2]}", "home: {q1: 1}\n")?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn frames_in_degrees_and_millimetres_are_told_once_each() -> Result<(), String> {
+        let told = |frame: &str| {
+            let text = format!(
+                "name: arm\nlimbs:\n  - name: arm\n    joints:\n      - {{name: q1, type: revolute, body: 1, \
+                 actuated: true, {frame}}}\n"
+            );
+            let spec =
+                crate::spec::parse(&Source::new("arm.yaml", text)).map_err(|e| e.to_string())?;
+            let facts = super::frame_units(&spec).into_iter();
+            Ok::<_, String>(facts.map(|fact| fact.text).collect::<Vec<_>>())
+        };
+        let found = told("dh: {alpha: -90, theta: 90, d: 312}")?;
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert!(
+            found[0].contains("deg(-90)") && found[1].contains("write 0.312"),
+            "{found:?}"
+        );
+        let found = told("origin: {rpy: [0, 45, 0], xyz: [0, 0, 0.3]}")?;
+        assert!(
+            found.len() == 1 && found[0].contains("deg(45)"),
+            "{found:?}"
+        );
+        assert!(told("dh: {alpha: -pi/2, theta: 6*pi, d: 3.1}")?.is_empty());
         Ok(())
     }
 
