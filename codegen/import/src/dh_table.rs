@@ -49,9 +49,32 @@ impl Column {
 /// The factors of a column's unit.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Unit {
+    /// None is stated: rad or m.
     Si,
+    Radians,
+    Metres,
     Degrees,
     Millimetres,
+}
+
+impl Unit {
+    /// The unit, if it is one of angles, or else of lengths.
+    fn of_kind(self, cell: Cell<'_>, is_angle: bool) -> Read<Self> {
+        let (fits, kind, hint) = if is_angle {
+            let fits = matches!(self, Self::Si | Self::Radians | Self::Degrees);
+            (fits, "an angle", "its unit is rad or deg")
+        } else {
+            let fits = matches!(self, Self::Si | Self::Metres | Self::Millimetres);
+            let hint = "its unit is m or mm; limits of joints of both types need columns without a \
+                        unit, with deg(...) for degrees";
+            (fits, "a length", hint)
+        };
+        if fits {
+            return Ok(self);
+        }
+        let message = format!("'{}' is {kind}, and its column has another unit", cell.text);
+        Err(Diagnostic::new(cell.span, message).hint(hint).into())
+    }
 }
 
 /// One cell: its text and its place.
@@ -134,7 +157,8 @@ fn header(cells: &[Cell<'_>]) -> Read<Vec<(Column, Unit)>> {
             None => (lower.trim(), Unit::Si),
             Some((word, unit)) => {
                 let unit = match unit.trim_end_matches(']').trim() {
-                    "rad" | "m" => Unit::Si,
+                    "rad" => Unit::Radians,
+                    "m" => Unit::Metres,
                     "deg" => Unit::Degrees,
                     "mm" => Unit::Millimetres,
                     other => {
@@ -248,10 +272,14 @@ fn joint(number: usize, columns: &[(Column, Unit)], cells: &[Cell<'_>]) -> Read<
         if column == moving {
             cell.text = offset(cell.text, &joint.name, number);
         }
-        *slot = expression(cell, unit)?;
+        let is_angle = matches!(column, Column::Alpha | Column::Theta);
+        *slot = expression(cell, unit.of_kind(cell, is_angle)?)?;
     }
-    if let (Some((low, unit)), Some((high, _))) = (find(Column::Lowest), find(Column::Highest)) {
-        joint.limits = Some([expression(low, unit)?, expression(high, unit)?]);
+    if let (Some(low), Some(high)) = (find(Column::Lowest), find(Column::Highest)) {
+        let is_angle = !joint.prismatic;
+        let limit =
+            |(cell, unit): (Cell<'_>, Unit)| expression(cell, unit.of_kind(cell, is_angle)?);
+        joint.limits = Some([limit(low)?, limit(high)?]);
     }
     Ok(joint)
 }
@@ -290,7 +318,7 @@ fn expression(cell: Cell<'_>, unit: Unit) -> Read<String> {
         return Ok(String::new());
     }
     Ok(match unit {
-        Unit::Si => cell.text.to_owned(),
+        Unit::Si | Unit::Radians | Unit::Metres => cell.text.to_owned(),
         Unit::Degrees => format!("deg({})", cell.text),
         Unit::Millimetres => format!("({})/1000", cell.text),
     })

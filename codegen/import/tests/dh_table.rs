@@ -73,6 +73,23 @@ fn mistakes_are_named_with_their_place() {
             2,
             "unknown type 'screw'",
         ),
+        (
+            "type,alpha [deg],a,theta,d,min [mm],max [mm]\nR,0,0,0,0.3,-170,170\n",
+            2,
+            "'-170' is an angle, and its column has another unit",
+        ),
+        (
+            "type,alpha [deg],a,theta,d,min [deg],max [deg]\nP,0,0,0,0.3,0,350\n",
+            2,
+            "'0' is a length, and its column has another unit",
+        ),
+        ("alpha [mm],a,theta,d\n90,0,0,0\n", 2, "'90' is an angle"),
+        ("alpha,a [rad],theta,d\n0,0.3,0,0\n", 2, "'0.3' is a length"),
+        (
+            "type,alpha,a,theta,d,min [deg],max [mm]\nR,0,0,0,0.3,-90,90\n",
+            2,
+            "'90' is an angle",
+        ),
     ] {
         let report =
             from_dh_table(&Source::new("arm.csv", table), "arm", Rows::Modified).unwrap_err();
