@@ -176,7 +176,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     if args.before.covariance {
         identified.covariance = Some(covariance(&start, more)?);
     }
-    physical::note_unbounded(&identified);
+    physical::note_unbounded(&identified, &model.info());
     let least = if more {
         LeastSquaresRow::all(&start.estimate, &start.intervals.base, &model.info())
     } else {
@@ -354,7 +354,12 @@ fn logs(
             error,
             SessionError::Data(DataError::Problems { .. } | DataError::Signal { .. })
         );
-        if unusable {
+        // an effort that is not measured has no error to weight its equation by
+        let is_unsolved = matches!(
+            error,
+            SessionError::Data(DataError::Estimate(EstimateError::NoConvergence))
+        );
+        if unusable || is_unsolved {
             suspect::warn(args, model, logs.logs(), None);
         } else {
             observe::note_problems(logs.logs().reports());

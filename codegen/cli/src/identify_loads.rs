@@ -217,7 +217,7 @@ pub(crate) fn solve(
         Some(physical) => physical.model.clone(),
         None => found.model.clone(),
     };
-    physical::note_unbounded(&identified);
+    physical::note_unbounded(&identified, &model.info());
     identified.provenance = Provenance {
         model: digest(model),
         logs: {

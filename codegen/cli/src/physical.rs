@@ -5,6 +5,7 @@ use regen_identify::feasibility::{Bound, FeasibilityError, MAX_OPTIMAL_GAP, Tota
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::Interpreted;
+use regen_runtime::Info;
 
 use crate::args::{PhysicalArgs, PriorArg};
 use crate::exit::Failure;
@@ -38,14 +39,22 @@ pub(crate) fn knowledge(args: &PhysicalArgs) -> PriorKnowledge {
     }
 }
 
-/// Notes the option that would bound a mass which neither data nor constraints bound.
-pub(crate) fn note_unbounded(found: &IdentifiedModel) {
-    if let Some(mass) = found.unbounded.first() {
-        terminal::note(&format!(
-            "note: --bound '{mass}=LOWEST..HIGHEST' would bound this mass, and so would nominal \
-             masses in the spec's `bodies:`"
-        ));
-    }
+/// Notes the options that would bound a mass which neither data nor constraints bound: a nominal mass
+/// does only as a prior.
+pub(crate) fn note_unbounded(found: &IdentifiedModel, info: &Info<'_>) {
+    let Some(mass) = found.unbounded.first() else {
+        return;
+    };
+    let mut known = info.parameters.iter().zip(info.nominal);
+    let is_nominal = known.any(|(p, value)| value.is_some() && p.to_string() == *mass);
+    let prior = if is_nominal {
+        "--prior weighted, which holds it near its nominal value"
+    } else {
+        "nominal masses in the spec's `bodies:` with --prior weighted"
+    };
+    terminal::note(&format!(
+        "note: --bound '{mass}=LOWEST..HIGHEST' would bound this mass, and so would {prior}"
+    ));
 }
 
 /// Fails if the fit is not proven to be the optimum, after the result was printed and written.

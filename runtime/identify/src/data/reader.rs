@@ -10,7 +10,7 @@ use super::joined::JoinedRows;
 use super::layout::{ColumnLayout, Search, Unfit};
 use super::policy::{Gaps, Policy, UsedFaults};
 use super::problem::{DataError, Problem, median};
-use super::rates::Rates;
+use super::rates::{ACCELERATIONS, Rates, VELOCITIES};
 use super::resample::Resampler;
 use super::row_cache::{RecordSink, RowCache};
 use super::row_checker::RowChecker;
@@ -208,6 +208,16 @@ impl LogFile {
         let with_rates: Vec<(usize, usize)> = velocities
             .filter_map(|(entry, v)| Some((entry, (*v)?)))
             .collect();
+        let mut accelerations = Rates::default();
+        let entries = self
+            .layout
+            .velocities
+            .iter()
+            .zip(&self.layout.accelerations);
+        let with_accelerations: Vec<(usize, usize, usize)> = entries
+            .enumerate()
+            .filter_map(|(k, (v, a))| Some((k, (*v)?, (*a)?)))
+            .collect();
         let mut rate_row = Vec::new();
         let mut last_time = None;
         let mut range: Option<(f64, f64)> = None;
@@ -231,6 +241,7 @@ impl LogFile {
                     histories.iter_mut().for_each(PositionHistory::pause);
                     finder.pause();
                     rates.pause();
+                    accelerations.pause();
                 }
                 finder.push(row.line, &row.values);
                 last_time = Some(time);
@@ -244,6 +255,13 @@ impl LogFile {
                     rate_row.extend(with_rates.iter().map(|pair| row.values[pair.0]));
                     rate_row.extend(with_rates.iter().map(|pair| row.values[pair.1]));
                     rates.push(with_rates.len(), &rate_row);
+                }
+                if !with_accelerations.is_empty() {
+                    rate_row.clear();
+                    rate_row.push(time);
+                    rate_row.extend(with_accelerations.iter().map(|pair| row.values[pair.1]));
+                    rate_row.extend(with_accelerations.iter().map(|pair| row.values[pair.2]));
+                    accelerations.push(with_accelerations.len(), &rate_row);
                 }
             }
             Ok(())
@@ -266,7 +284,16 @@ impl LogFile {
             ]
         });
         let pairs: Vec<[String; 3]> = pairs.collect();
-        if let Some(unfit) = rates.judge(&pairs, &self.layout.title(0)) {
+        let pairs_of_accelerations = with_accelerations.iter().map(|(k, velocity, own)| {
+            let coordinate = self.layout.measured.get(*k).and_then(|c| names.get(*c));
+            let name = coordinate.cloned().unwrap_or_default();
+            [name, self.layout.title(*velocity), self.layout.title(*own)]
+        });
+        let pairs_of_accelerations: Vec<[String; 3]> = pairs_of_accelerations.collect();
+        let unfit = rates
+            .judge(&pairs, &self.layout.title(0), VELOCITIES)
+            .or_else(|| accelerations.judge(&pairs_of_accelerations, "", ACCELERATIONS));
+        if let Some(unfit) = unfit {
             return Err(unfit.of(&self.name));
         }
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
