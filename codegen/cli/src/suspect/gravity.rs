@@ -151,15 +151,18 @@ fn others(own: [f64; 3]) -> Vec<[f64; 3]> {
 
 /// What another gravity says of the log.
 fn words(own: [f64; 3], gravity: [f64; 3]) -> String {
-    if gravity == [0.0; 3] {
-        "these efforts do not contain gravity".to_owned()
-    } else if own == [0.0; 3] {
-        "these efforts contain gravity, and the spec has none".to_owned()
-    } else if gravity == own.map(|g| 0.0 - g) {
-        "the spec's gravity looks upside down".to_owned()
+    let is_none = |of: [f64; 3]| of.iter().all(|g| *g == 0.0);
+    let sums = own.iter().zip(gravity).map(|(a, b)| a + b);
+    if is_none(gravity) {
+        "these efforts do not contain gravity"
+    } else if is_none(own) {
+        "these efforts contain gravity, and the spec has none"
+    } else if sums.fold(0.0, |m: f64, sum| m.max(sum.abs())) == 0.0 {
+        "the spec's gravity looks upside down"
     } else {
-        "the spec's gravity looks as if along another axis".to_owned()
+        "the spec's gravity looks as if along another axis"
     }
+    .to_owned()
 }
 
 /// The key of the spec with a gravity.

@@ -25,6 +25,28 @@ const MIN_MOTION: f64 = 8.0;
 /// A ratio is one of a unit's if it differs by less than this part, because of noise and filters.
 const RATIO_TOLERANCE: f64 = 0.1;
 
+/// A column and the one that it should be the rate of.
+#[derive(Clone, Debug)]
+pub(super) struct Pair {
+    /// The name of the coordinate.
+    pub(super) name: String,
+    /// The title of the column of the position.
+    pub(super) position: String,
+    /// The title of the column of the velocity.
+    pub(super) velocity: String,
+    /// The factors that both are read with.
+    pub(super) factors: [f64; 2],
+}
+
+/// Which ratios of a rate to its derivative are mistakes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Strictness {
+    /// Those of which the log cannot be used.
+    Refused,
+    /// Those that neither noise nor the delay of a filter explains.
+    Doubted,
+}
+
 /// What is compared, in words.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Words {
@@ -110,10 +132,16 @@ impl Rates {
     /// The mistake of the first velocity column that does not fit its position; `None` if all fit.
     /// Positions that hardly move are not judged.
     ///
-    /// - `pairs`: the name of each coordinate with the titles of its position and its velocity;
+    /// - `pairs`: the columns of each coordinate;
     /// - `clock`: the title of the column of time; empty without one;
     /// - `words`: what is compared.
-    pub(super) fn judge(&self, pairs: &[[String; 3]], clock: &str, words: Words) -> Option<Unfit> {
+    pub(super) fn judge(
+        &self,
+        pairs: &[Pair],
+        clock: &str,
+        words: Words,
+        strictness: Strictness,
+    ) -> Option<Unfit> {
         let Words {
             rate,
             of,
@@ -148,7 +176,13 @@ impl Rates {
                 assignment: Some(format!("t={clock}:{unit}")),
             });
         }
-        for (k, [name, position, velocity]) in pairs.iter().enumerate().take(m) {
+        for (k, pair) in pairs.iter().enumerate().take(m) {
+            let Pair {
+                name,
+                position,
+                velocity,
+                factors: [_, factor],
+            } = pair;
             if !moves(k) {
                 continue;
             }
@@ -166,14 +200,18 @@ impl Rates {
             if own < -MIN_CORRELATION {
                 return Some(Unfit {
                     why: format!("{head}; the sign of one of them is flipped. Read that with"),
-                    assignment: Some(format!("{prefix}{name}={velocity}*-1")),
+                    assignment: Some(format!("{prefix}{name}={velocity}*{}", -factor)),
                 });
             }
             if own < MIN_CORRELATION {
                 let fits = |j: &usize| *j != k && moves(*j) && correlation(*j, k) > MIN_CORRELATION;
                 let other = (0..m).find(fits).and_then(|j| pairs.get(j));
                 return Some(match other {
-                    Some([_, other, swapped]) => Unfit {
+                    Some(Pair {
+                        position: other,
+                        velocity: swapped,
+                        ..
+                    }) => Unfit {
                         why: format!(
                             "{head}; it fits column `{other}`: these velocities are swapped, or \
                              their positions. Read each of the two as the other, such as"
@@ -188,13 +226,14 @@ impl Rates {
                 });
             }
             let slope = self.products[k * m + k] / self.change_squares[k];
-            let most = if own > MIN_SAME_CORRELATION {
+            let is_same = own > MIN_SAME_CORRELATION;
+            let most = if is_same && strictness == Strictness::Doubted {
                 MAX_SAME_RATIO
             } else {
                 MAX_RATIO
             };
             if !(1.0 / most..most).contains(&slope) {
-                return Some(scaled(slope, [name, position, velocity], words));
+                return Some(scaled(slope, pair, words));
             }
         }
         None
@@ -221,9 +260,13 @@ fn is_near(slope: f64, size: f64) -> bool {
 }
 
 /// The mistake of a velocity that is `slope` times the rate of its position.
-///
-/// - `titles`: the name of the coordinate, and the titles of its position and its velocity.
-fn scaled(slope: f64, [name, position, velocity]: [&str; 3], words: Words) -> Unfit {
+fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {
+    let Pair {
+        name,
+        position,
+        velocity,
+        factors,
+    } = pair;
     let Words {
         rate,
         prefixes: [prefix, of],
@@ -234,8 +277,11 @@ fn scaled(slope: f64, [name, position, velocity]: [&str; 3], words: Words) -> Un
         let found = units.iter().find(|(size, ..)| is_near(slope, *size));
         found.map(|(_, words, unit)| (*words, *unit))
     };
-    // the units of accelerations have no names
-    let has_units = of.is_empty();
+    // a column that has a factor already keeps it
+    let is_plain = factors
+        .iter()
+        .all(|factor| (factor - 1.0).abs() < f64::EPSILON);
+    let has_units = of.is_empty() && is_plain;
     let (column, words, assignment) =
         if let (Some((words, unit)), true) = (known(&OF_VELOCITIES), has_units) {
             (velocity, words, format!("{prefix}{name}={velocity}:{unit}"))
@@ -244,11 +290,19 @@ fn scaled(slope: f64, [name, position, velocity]: [&str; 3], words: Words) -> Un
         } else {
             return Unfit {
                 why: format!("{head}: a unit or a gear is missing. Read one of them with"),
-                assignment: Some(format!("{prefix}{name}={velocity}*{:.4}", 1.0 / slope)),
+                assignment: Some(format!(
+                    "{prefix}{name}={velocity}*{}",
+                    figure(factors[1] / slope)
+                )),
             };
         };
     Unfit {
         why: format!("{head}: column `{column}` looks like {words}. Read it with"),
         assignment: Some(assignment),
     }
+}
+
+/// A factor with four significant digits.
+fn figure(factor: f64) -> f64 {
+    format!("{factor:.3e}").parse().unwrap_or(factor)
 }

@@ -10,7 +10,7 @@ use super::joined::JoinedRows;
 use super::layout::{ColumnLayout, Search, Unfit};
 use super::policy::{Gaps, Policy, UsedFaults};
 use super::problem::{DataError, Problem, median};
-use super::rates::{ACCELERATIONS, Rates, VELOCITIES};
+use super::rates::{ACCELERATIONS, Pair, Rates, Strictness, VELOCITIES};
 use super::resample::Resampler;
 use super::row_cache::{RecordSink, RowCache};
 use super::row_checker::RowChecker;
@@ -46,6 +46,9 @@ pub(super) struct Survey {
     pub(super) dropouts: BTreeMap<u64, Vec<Dropout>>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
+    /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
+    /// the assignment that corrects it.
+    pub(super) doubted_rate: Option<(String, String)>,
     /// The first and the last time of the log, s, where all its rows are within the times that are
     /// asked for.
     pub(super) uncut: Option<(f64, f64)>,
@@ -273,29 +276,44 @@ impl LogFile {
             )));
         }
         let uncut = range.filter(|_| self.run.times.is_some() && outside.is_none());
-        let pairs = with_rates.iter().map(|(position, velocity)| {
-            let place = position - positions.start;
-            let coordinate = self.layout.measured.get(place).and_then(|c| names.get(*c));
-            let name = coordinate.cloned().unwrap_or_default();
-            [
-                name,
-                self.layout.title(*position),
-                self.layout.title(*velocity),
-            ]
-        });
-        let pairs: Vec<[String; 3]> = pairs.collect();
-        let pairs_of_accelerations = with_accelerations.iter().map(|(k, velocity, own)| {
-            let coordinate = self.layout.measured.get(*k).and_then(|c| names.get(*c));
-            let name = coordinate.cloned().unwrap_or_default();
-            [name, self.layout.title(*velocity), self.layout.title(*own)]
-        });
-        let pairs_of_accelerations: Vec<[String; 3]> = pairs_of_accelerations.collect();
-        let unfit = rates
-            .judge(&pairs, &self.layout.title(0), VELOCITIES)
-            .or_else(|| accelerations.judge(&pairs_of_accelerations, "", ACCELERATIONS));
-        if let Some(unfit) = unfit {
+        let pair = |coordinate: usize, position: usize, velocity: usize| {
+            let coordinate = self.layout.measured.get(coordinate);
+            let factor = |entry: usize| {
+                let channel = self.layout.channels.get(entry);
+                channel.map_or(1.0, |c| c.factor)
+            };
+            Pair {
+                name: coordinate
+                    .and_then(|c| names.get(*c))
+                    .cloned()
+                    .unwrap_or_default(),
+                position: self.layout.title(position),
+                velocity: self.layout.title(velocity),
+                factors: [factor(position), factor(velocity)],
+            }
+        };
+        let pairs: Vec<Pair> = with_rates
+            .iter()
+            .map(|(position, velocity)| pair(position - positions.start, *position, *velocity))
+            .collect();
+        let pairs_of_accelerations: Vec<Pair> = with_accelerations
+            .iter()
+            .map(|(k, velocity, own)| pair(*k, *velocity, *own))
+            .collect();
+        let mistake = |strictness: Strictness| {
+            rates
+                .judge(&pairs, &self.layout.title(0), VELOCITIES, strictness)
+                .or_else(|| {
+                    accelerations.judge(&pairs_of_accelerations, "", ACCELERATIONS, strictness)
+                })
+        };
+        if let Some(unfit) = mistake(Strictness::Refused) {
             return Err(unfit.of(&self.name));
         }
+        let doubted_rate = mistake(Strictness::Doubted).and_then(|unfit| {
+            let (what, _) = unfit.why.split_once(". ")?;
+            Some((what.to_owned(), unfit.assignment?))
+        });
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());
         for (history, entry) in histories.into_iter().zip(positions) {
@@ -335,6 +353,7 @@ impl LogFile {
             stuck,
             dropouts,
             position_changes,
+            doubted_rate,
             uncut,
         })
     }

@@ -238,6 +238,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         }));
     }
     out.extend(columns.spikes(&sample.spikes));
+    if let Some((what, assignment)) = &sample.doubted_rate
+        && let Ok(assignment) = assignment.parse()
+    {
+        out.push(columns.suspicion(what.clone(), Remedy::columns(vec![assignment])));
+    }
     if out.is_empty() {
         out.extend(missed_by_series(columns, sample, &findings.errors));
     }

@@ -32,6 +32,9 @@ pub struct Sample {
     pub states: Vec<Measured>,
     /// The title of the column of times, where it was found without being assigned.
     pub time_column: Option<String>,
+    /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
+    /// the assignment that corrects it.
+    pub doubted_rate: Option<(String, String)>,
     /// The usual step between rows of the log, s.
     pub step: f64,
     /// The number of states of a whole pass over the log.
