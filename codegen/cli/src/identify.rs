@@ -232,9 +232,10 @@ fn models(
     };
     let mut found = Vec::new();
     if args.physical.wanted() {
+        let draws = physical::draws(&args.physical, args.confidence)?;
         session.watch.phase("solving for physical parameters");
         let knowledge = physical::knowledge(&args.physical);
-        let result = session::physical(session, &knowledge, start, args.physical.draws);
+        let result = session::physical(session, &knowledge, start, draws);
         session.watch.finished();
         found = result?;
         if start.data.is_none()

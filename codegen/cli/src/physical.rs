@@ -2,6 +2,7 @@
 //! the result.
 
 use regen_identify::feasibility::{Bound, FeasibilityError, MAX_OPTIMAL_GAP, Total};
+use regen_identify::intervals::DEFAULT_DRAWS;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::Interpreted;
@@ -37,6 +38,38 @@ pub(crate) fn knowledge(args: &PhysicalArgs) -> PriorKnowledge {
             Some(PriorArg::Weighted(part)) => NominalTrust::Weighted(part),
         },
     }
+}
+
+/// The largest number of draws that a confidence level takes by itself.
+const MOST_DRAWS: f64 = 1e4;
+
+/// The number of draws for intervals of this confidence level: as many as reach it, unless the options
+/// ask for another number, which may reach less and then is noted.
+pub(crate) fn draws(args: &PhysicalArgs, confidence: f64) -> Result<usize, Failure> {
+    // the next draw is beyond the extremes of n draws with the probability 2 / (n + 1)
+    let needed = (2.0 / (1.0 - confidence) - 1.0 - 1e-6).ceil();
+    let given = args.draws;
+    if given == 0 || given as f64 >= needed {
+        return Ok(given);
+    }
+    if given != DEFAULT_DRAWS {
+        let reached = 1.0 - 2.0 / (given as f64 + 1.0);
+        terminal::note(&format!(
+            "warning: {given} draws reach a confidence of {:.0} % and not {} %, which takes at least \
+             {needed} draws",
+            100.0 * reached,
+            100.0 * confidence
+        ));
+        return Ok(given);
+    }
+    if needed > MOST_DRAWS {
+        return Err(Failure::Input(format!(
+            "--confidence {confidence} takes at least {needed} draws of constrained values: give \
+             --draws as many, --draws 0 for no intervals, or a smaller confidence"
+        )));
+    }
+    #[allow(clippy::cast_sign_loss, reason = "positive")]
+    Ok(needed as usize)
 }
 
 /// Notes the options that would bound a mass which neither data nor constraints bound: a nominal mass

@@ -343,3 +343,28 @@ fn commands_that_are_the_measured_positions_are_refused() {
     assert!(run.err.contains(told), "{}", run.err);
     assert!(run.err.contains("--command q1=COLUMN"), "{}", run.err);
 }
+
+#[test]
+fn a_confidence_takes_the_draws_that_reach_it() {
+    let dir = scratch("advice_draws");
+    let guide = crate::common::root().join("runtime/guide/fivebar");
+    fs::copy(guide.join("fivebar.yaml"), dir.join("r.yaml")).unwrap();
+    fs::copy(guide.join("run1.csv"), dir.join("log.csv")).unwrap();
+    let run = |more: &[&str]| {
+        let all = ["--feasible", "--decimate", "10", "--confidence"];
+        identify(&dir, &[&all[..], more].concat())
+    };
+    let found = run(&["0.98"]).ended(0);
+    assert!(found.out.contains("99 draws"), "{}", found.out);
+    let few = run(&["0.95", "--draws", "20"]).ended(0);
+    let told = "20 draws reach a confidence of 90 % and not 95 %, which takes at least 39 draws";
+    assert!(few.err.contains(told), "{}", few.err);
+    let usual = run(&["0.95"]).ended(0);
+    assert!(!usual.err.contains("draws reach"), "{}", usual.err);
+    let beyond = run(&["0.99999999"]).ended(3);
+    assert!(
+        beyond.err.contains("draws of constrained values"),
+        "{}",
+        beyond.err
+    );
+}
