@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::bridge::{Bridge, Bridged, Bridging};
+use super::bursts::{BurstFinder, OffRow};
 use super::columns::Assignment;
 use super::dropouts::{Dropout, DropoutFinder};
 use super::file_rows::{Opening, Table};
@@ -46,6 +47,8 @@ pub(super) struct Survey {
     pub(super) dropouts: BTreeMap<u64, Vec<Dropout>>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
+    /// The rows in which a position is that of a run of outliers, by their lines, with the entry.
+    pub(super) off_rows: BTreeMap<u64, (usize, OffRow)>,
     /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
     /// the assignment that corrects it.
     pub(super) doubted_rate: Option<(String, String)>,
@@ -205,6 +208,7 @@ impl LogFile {
         let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
         let positions = self.layout.positions();
         let mut histories = vec![PositionHistory::default(); positions.len()];
+        let mut bursts = vec![BurstFinder::default(); positions.len()];
         let mut finder = DropoutFinder::default();
         let mut rates = Rates::default();
         let velocities = positions.clone().zip(&self.layout.velocities);
@@ -242,6 +246,7 @@ impl LogFile {
                 range = Some((first.min(time), last.max(time)));
                 if last_time.is_none_or(|last| time <= last) {
                     histories.iter_mut().for_each(PositionHistory::pause);
+                    bursts.iter_mut().for_each(BurstFinder::pause);
                     finder.pause();
                     rates.pause();
                     accelerations.pause();
@@ -251,6 +256,9 @@ impl LogFile {
                 let row_positions = &row.values[positions.clone()];
                 for (history, value) in histories.iter_mut().zip(row_positions) {
                     history.push(row.line, *value);
+                }
+                for (burst, value) in bursts.iter_mut().zip(row_positions) {
+                    burst.push(row.line, *value);
                 }
                 if !with_rates.is_empty() {
                     rate_row.clear();
@@ -316,8 +324,11 @@ impl LogFile {
         });
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());
-        for (history, entry) in histories.into_iter().zip(positions) {
+        let mut off_rows = BTreeMap::new();
+        for ((history, burst), entry) in histories.into_iter().zip(bursts).zip(positions) {
             let (stretches, changes) = history.finish(entry);
+            let off = burst.finish(changes.regular);
+            off_rows.extend(off.map(|row| (row.line, (entry, row))));
             position_changes.push(changes);
             for stretch in stretches {
                 stuck.entry(stretch.first).or_default().push(stretch);
@@ -353,6 +364,7 @@ impl LogFile {
             stuck,
             dropouts,
             position_changes,
+            off_rows,
             doubted_rate,
             uncut,
         })
