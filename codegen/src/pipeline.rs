@@ -21,7 +21,7 @@ use crate::scene::Scene;
 use crate::signature::Needs;
 use crate::spec::{self, Payloads, Spec};
 use crate::store::{self, Facts, Key, Store};
-use crate::sym::Graph;
+use crate::sym::{Graph, Number};
 
 pub use whole::{BaseSource, DeriveError, derive, derive_with, functions_without_base};
 
@@ -160,6 +160,51 @@ impl Mechanism {
             analysis: OnceCell::new(),
             at_home: OnceCell::new(),
         }
+    }
+
+    /// The mechanism with another acceleration of gravity, m/s^2, to see whether runs fit it better;
+    /// its results are not stored. `None` for a number that is not finite.
+    ///
+    /// ```
+    /// use regen_codegen::Mechanism;
+    /// use regen_codegen::diag::Source;
+    ///
+    /// let text = "\
+    /// name: arm
+    /// limbs:
+    ///   - name: arm
+    ///     joints:
+    ///       - {name: q1, type: revolute, body: link, actuated: true}
+    /// ";
+    /// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+    /// let across = mechanism.with_gravity([-9.81, 0.0, 0.0]).unwrap();
+    /// // the axis is horizontal now, so the first moments have an effect
+    /// assert_eq!(across.analysis()?.base.rank(), 3);
+    /// # Ok::<(), regen_codegen::diag::Report>(())
+    /// ```
+    pub fn with_gravity(&self, gravity: [f64; 3]) -> Option<Self> {
+        let mut spec = self.spec.clone();
+        for (own, value) in spec.gravity.iter_mut().zip(gravity) {
+            let value = Number::parse_decimal(&value.to_string())?;
+            own.expr = spec::Expr::Number(value.clone());
+            own.value = value;
+        }
+        Some(Self {
+            source: self.source.clone(),
+            model: model::build(&spec),
+            spec,
+            payloads: self.payloads,
+            // results are stored by the text of the spec
+            store: None,
+            closed: OnceCell::new(),
+            analysis: OnceCell::new(),
+            at_home: OnceCell::new(),
+        })
+    }
+
+    /// The acceleration of gravity, m/s^2.
+    pub fn gravity(&self) -> [f64; 3] {
+        self.model.gravity.each_ref().map(|g| g.value.to_f64())
     }
 
     /// The labels of the bodies that are payloads.

@@ -52,8 +52,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         );
         return Err(Failure::Input(text));
     }
-    let mut chosen = identify_simulated::with_estimator(args)?;
-    physical::take_enough_draws(&mut chosen)?;
+    let chosen = identify_simulated::with_estimator(args)?;
     let args = &chosen;
     let source = load::source(&args.file)?;
     let mut args = args.clone();
@@ -185,7 +184,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     if args.before.covariance {
         identified.covariance = Some(covariance(&start, more)?);
     }
-    physical::note_unbounded(&identified);
+    physical::note_unbounded(&identified, &model.info());
     let least = if more {
         LeastSquaresRow::all(&start.estimate, &start.intervals.base, &model.info())
     } else {
@@ -241,9 +240,10 @@ fn models(
     };
     let mut found = Vec::new();
     if args.physical.wanted() {
+        let draws = physical::draws(&args.physical, args.confidence)?;
         session.watch.phase("solving for physical parameters");
         let knowledge = physical::knowledge(&args.physical);
-        let result = session::physical(session, &knowledge, start, args.physical.draws);
+        let result = session::physical(session, &knowledge, start, draws);
         session.watch.finished();
         found = result?;
         if start.data.is_none()
@@ -363,7 +363,12 @@ fn logs(
             error,
             SessionError::Data(DataError::Problems { .. } | DataError::Signal { .. })
         );
-        if unusable {
+        // an effort that is not measured has no error to weight its equation by
+        let is_unsolved = matches!(
+            error,
+            SessionError::Data(DataError::Estimate(EstimateError::NoConvergence))
+        );
+        if unusable || is_unsolved {
             suspect::warn(args, model, logs.logs(), None);
         } else {
             observe::note_problems(logs.logs().reports());

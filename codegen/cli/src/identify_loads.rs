@@ -169,7 +169,8 @@ pub(crate) fn solve(
         robot: known_robot(args, model, source)?,
     };
     let knowledge = physical::knowledge(&args.physical);
-    let knowledge = (args.physical.feasible).then_some((&knowledge, args.physical.draws));
+    let draws = physical::draws(&args.physical, args.confidence)?;
+    let knowledge = (args.physical.feasible).then_some((&knowledge, draws));
     let first = if finds_delays { None } else { knowledge };
     let (mut instruments, mut simulated) = (None, None);
     let mut fits = if args.estimator == Some(EstimatorArg::Didim) {
@@ -217,7 +218,7 @@ pub(crate) fn solve(
         Some(physical) => physical.model.clone(),
         None => found.model.clone(),
     };
-    physical::note_unbounded(&identified);
+    physical::note_unbounded(&identified, &model.info());
     identified.provenance = Provenance {
         model: digest(model),
         logs: {

@@ -74,6 +74,25 @@ pub(crate) fn solve(
 /// the report of its reader.
 type Tracks = (Vec<Track>, Vec<usize>, Vec<FileReport>);
 
+/// The coordinate whose commands are its positions in all rows, if there is one.
+fn commanded_by_itself(tracks: &[Track]) -> Option<usize> {
+    let position = |track: &Track, joint: usize| {
+        let mut own = track.positions.iter();
+        own.find(|(c, _)| *c == joint)
+            .map(|(_, values)| values.clone())
+    };
+    let (coordinate, _) = tracks.first()?.commands.iter().find(|(joint, _)| {
+        tracks.iter().all(|track| {
+            let mut own = track.commands.iter();
+            let command = own.find(|(c, _)| c == joint).map(|(_, values)| values);
+            // a joint that is held may be where it is told to be
+            let moves = |values: &Vec<f64>| values.iter().any(|x| Some(x) != values.first());
+            command.is_some_and(moves) && command == position(track, *joint).as_ref()
+        })
+    })?;
+    Some(*coordinate)
+}
+
 /// Reads the tracks of all logs that have more than one sample.
 fn read(args: &IdentifyArgs, session: &Session<'_, Interpreted<'_>>) -> Result<Tracks, Failure> {
     let info = session.model.info();
@@ -88,6 +107,12 @@ fn read(args: &IdentifyArgs, session: &Session<'_, Interpreted<'_>>) -> Result<T
         let more: Vec<Assignment> = more.cloned().collect();
         commands.extend(more);
         let (own, report) = tracks(run, &info, reading, &commands)?;
+        if let Some(name) = commanded_by_itself(&own).and_then(|c| info.coordinates.get(c)) {
+            return Err(Failure::Input(format!(
+                "{run}: the commands of {name} are its measured positions, so that its controller \
+                 would never act: give the column of the commands, --command {name}=COLUMN"
+            )));
+        }
         let usable = own.into_iter().filter(|track| track.times.len() > 1);
         all.extend(usable);
         places.resize(all.len(), place);

@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use crate::args::{Format, InspectArgs, PayloadArg, ReadingArgs};
 use crate::exit::Failure;
+use crate::suspect::OtherSpecs;
 use crate::{choice, experiment, load, loads, mistakes, observe, suspect, table, terminal, write};
 
 /// The JSON of `regen inspect`.
@@ -365,6 +366,11 @@ fn predicted(
             }
         }
     }
-    let doubts = suspect::doubts(model, opened.logs(), &session.reading.columns, None);
+    let specs = match &args.spec {
+        Some(path) => OtherSpecs::new(path, chosen.payload),
+        None => OtherSpecs::default(),
+    };
+    let columns = &session.reading.columns;
+    let doubts = suspect::doubts(model, opened.logs(), columns, None, &specs);
     Ok(Ok((found, doubts)))
 }

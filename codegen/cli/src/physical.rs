@@ -2,11 +2,13 @@
 //! the result.
 
 use regen_identify::feasibility::{Bound, FeasibilityError, MAX_OPTIMAL_GAP, Total};
+use regen_identify::intervals::DEFAULT_DRAWS;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::Interpreted;
+use regen_runtime::Info;
 
-use crate::args::{IdentifyArgs, MAX_DRAWS, PhysicalArgs, PriorArg};
+use crate::args::{PhysicalArgs, PriorArg};
 use crate::exit::Failure;
 use crate::terminal;
 
@@ -38,14 +40,54 @@ pub(crate) fn knowledge(args: &PhysicalArgs) -> PriorKnowledge {
     }
 }
 
-/// Notes the option that would bound a mass which neither data nor constraints bound.
-pub(crate) fn note_unbounded(found: &IdentifiedModel) {
-    if let Some(mass) = found.unbounded.first() {
-        terminal::note(&format!(
-            "note: --bound '{mass}=LOWEST..HIGHEST' would bound this mass, and so would nominal \
-             masses in the spec's `bodies:`"
-        ));
+/// The largest number of draws that a confidence level takes by itself.
+const MOST_DRAWS: f64 = 1e4;
+
+/// The number of draws for intervals of this confidence level: as many as reach it, unless the options
+/// ask for another number, which may reach less and then is noted.
+pub(crate) fn draws(args: &PhysicalArgs, confidence: f64) -> Result<usize, Failure> {
+    // the next draw is beyond the extremes of n draws with the probability 2 / (n + 1)
+    let needed = (2.0 / (1.0 - confidence) - 1.0 - 1e-6).ceil();
+    let given = args.draws;
+    if given == 0 || given as f64 >= needed {
+        return Ok(given);
     }
+    if given != DEFAULT_DRAWS {
+        let reached = 1.0 - 2.0 / (given as f64 + 1.0);
+        terminal::note(&format!(
+            "warning: {given} draws reach a confidence of {:.0} % and not {} %, which takes at least \
+             {needed} draws",
+            100.0 * reached,
+            100.0 * confidence
+        ));
+        return Ok(given);
+    }
+    if needed > MOST_DRAWS {
+        return Err(Failure::Input(format!(
+            "--confidence {confidence} takes at least {needed} draws of constrained values: give \
+             --draws as many, --draws 0 for no intervals, or a smaller confidence"
+        )));
+    }
+    #[allow(clippy::cast_sign_loss, reason = "positive")]
+    Ok(needed as usize)
+}
+
+/// Notes the options that would bound a mass which neither data nor constraints bound: a nominal mass
+/// does only as a prior.
+pub(crate) fn note_unbounded(found: &IdentifiedModel, info: &Info<'_>) {
+    let Some(mass) = found.unbounded.first() else {
+        return;
+    };
+    let mut known = info.parameters.iter().zip(info.nominal);
+    let is_nominal = known.any(|(p, value)| value.is_some() && p.to_string() == *mass);
+    let prior = if is_nominal {
+        "--prior weighted, which holds it near its nominal value"
+    } else {
+        "nominal masses in the spec's `bodies:` with --prior weighted"
+    };
+    terminal::note(&format!(
+        "note: --bound '{mass}=LOWEST..HIGHEST' would bound this mass, and so would {prior}"
+    ));
 }
 
 /// Fails if the fit is not proven to be the optimum, after the result was printed and written.
@@ -79,35 +121,4 @@ impl From<FeasibilityError> for Failure {
             other => Self::Input(other.to_string()),
         }
     }
-}
-
-/// Takes as many draws as the level of the intervals needs: their ends are among the draws, of which the
-/// outermost leave out two of one more than there are.
-///
-/// # Errors
-///
-/// When the level needs more draws than can be taken.
-pub(crate) fn take_enough_draws(args: &mut IdentifyArgs) -> Result<(), Failure> {
-    let draws = args.physical.draws;
-    if draws == 0 || !args.physical.wanted() {
-        return Ok(());
-    }
-    let needed = (2.0 / (1.0 - args.confidence) - 1e-9).ceil() - 1.0;
-    if needed > MAX_DRAWS as f64 {
-        return Err(Failure::Usage(format!(
-            "--confidence {} needs {needed:.0} draws, more than {MAX_DRAWS}: choose a lower level, or \
-             --draws 0 for no intervals",
-            args.confidence
-        )));
-    }
-    #[allow(clippy::cast_sign_loss, reason = "it is positive")]
-    let needed = needed as usize;
-    if draws < needed {
-        terminal::note(&format!(
-            "--confidence {} needs {needed} draws, which are taken",
-            args.confidence
-        ));
-        args.physical.draws = needed;
-    }
-    Ok(())
 }

@@ -7,6 +7,7 @@ use regen_codegen::robot::Robot;
 
 use crate::args::{IdentifyArgs, ReportArgs};
 use crate::exit::Failure;
+use crate::suspect::OtherSpecs;
 use crate::{delay, experiment, load, loads, observe, parameters, suspect, terminal, write};
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
@@ -85,7 +86,9 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     // these checks compare efforts with plausible weights and inertias, and so need known gains
     let suspicions = if identified.gains.is_empty() {
         let opened = session.open(&args.logs).map_err(ReportError::from)?;
-        suspect::doubts(&model, opened.logs(), &session.reading.columns, None)
+        let specs = OtherSpecs::new(&args.file, args.reading.payload);
+        let columns = &session.reading.columns;
+        suspect::doubts(&model, opened.logs(), columns, None, &specs)
     } else {
         Vec::new()
     };

@@ -1,14 +1,17 @@
 //! Warns about logs that were read without an error but look wrong, with the options that would read
 //! them correctly.
 
+mod gravity;
 #[cfg(test)]
 mod tests;
 
 use regen_identify::data::{Assignment, Logs};
 use regen_identify::estimate::Estimate;
-use regen_identify::identify::suspect::{self, LogColumns, Remedy, Sample};
+use regen_identify::identify::suspect::{self, LogColumns, Remedy};
 use regen_interpreted::Interpreted;
 use regen_report::results::Suspected;
+
+pub(crate) use gravity::OtherSpecs;
 
 use crate::args::IdentifyArgs;
 use crate::{observe, progress, terminal};
@@ -64,7 +67,8 @@ pub(crate) fn warn(
         return Vec::new();
     }
     let given = observe::settings(&args.reading).columns;
-    let out = doubts(model, logs, &given, found);
+    let spec = OtherSpecs::new(&args.file, args.reading.payload);
+    let out = doubts(model, logs, &given, found, &spec);
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }
@@ -75,12 +79,14 @@ pub(crate) fn warn(
 /// of the nominal bodies.
 ///
 /// - `given`: the assignments of columns;
-/// - `found`: as for [`warn`].
+/// - `found`: as for [`warn`];
+/// - `specs`: the spec with other values, which are tried on the logs.
 pub(crate) fn doubts(
     model: &Interpreted<'_>,
     logs: &Logs<'_, Interpreted<'_>>,
     given: &[Assignment],
     found: Option<&Estimate>,
+    specs: &OtherSpecs<'_>,
 ) -> Vec<Suspected> {
     let working = progress::later("checking the columns");
     let mut out = Vec::new();
@@ -91,19 +97,11 @@ pub(crate) fn doubts(
             given,
             model,
         };
-        out.extend(one(&columns, &sample, found, &mut |k, n| working.at(k, n)));
+        let step = &mut |k, n| working.at(k, n);
+        let own = suspect::suspicions(&columns, &sample, found, step);
+        let own = gravity::with_spec(&columns, &sample, specs, own);
+        out.extend(own.into_iter().map(with_options));
     }
     working.end();
     out
-}
-
-/// The suspected mistakes in one log.
-fn one(
-    columns: &LogColumns<'_, Interpreted<'_>>,
-    sample: &Sample,
-    found: Option<&Estimate>,
-    step: &mut dyn FnMut(usize, usize),
-) -> Vec<Suspected> {
-    let found = suspect::suspicions(columns, sample, found, step);
-    found.into_iter().map(with_options).collect()
 }

@@ -136,6 +136,28 @@ fn stuck_encoders_are_found_with_their_rows() {
 }
 
 #[test]
+fn runs_of_outliers_are_found_with_their_rows() {
+    let (dir, log) = bench("bursts");
+    for place in places() {
+        for length in [1, 4, 6, 15] {
+            let inside = |k: usize| (place..place + length).contains(&k);
+            let jumps = |k: usize| [0.5, -0.4, 0.6][k % 3];
+            let faulty = log.each("q1", |k, x| if inside(k) { x + jumps(k) } else { x });
+            let run = identify(&dir, &faulty.text(), &["--problems", "fail"]);
+            assert_eq!(run.code, 3, "{}", run.err);
+            let said = format!("{length} row");
+            assert!(run.err.contains(&said), "{place} {length}\n{}", run.err);
+            assert!(
+                run.err.contains("in column `q1` is an outlier"),
+                "{}",
+                run.err
+            );
+            let _ = identify(&dir, &faulty.text(), &["--problems", "drop"]).ended(0);
+        }
+    }
+}
+
+#[test]
 fn a_jump_of_the_clock_is_found_with_its_row() {
     let (dir, log) = bench("clocks");
     for start in places() {

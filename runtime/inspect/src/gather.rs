@@ -53,10 +53,13 @@ pub(crate) struct Trace {
     pub(crate) sums: Vec<f64>,
     /// The number of these rows.
     pub(crate) count: usize,
+    /// The beginning of the log, before each doubling, the finest first: the whole is too coarse for
+    /// what is fast.
+    pub(crate) finer: Vec<Trace>,
 }
 
 impl Trace {
-    fn push(&mut self, time: f64, values: &[f64]) {
+    pub(crate) fn push(&mut self, time: f64, values: &[f64]) {
         if self.every == 0 {
             self.every = 1;
             self.sums = vec![0.0; values.len() + 1];
@@ -79,6 +82,11 @@ impl Trace {
         self.sums.fill(0.0);
         self.count = 0;
         if self.times.len() == TRACE_POINTS {
+            self.finer.push(Self {
+                times: self.times.clone(),
+                columns: self.columns.clone(),
+                ..Self::default()
+            });
             self.every *= 2;
             halve(&mut self.times);
             self.columns.iter_mut().for_each(halve);

@@ -176,8 +176,9 @@ const POSITION_WORDS: [&str; 10] = [
 ];
 
 /// The words in names of commanded quantities.
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "cmd",
+    "cmptd",
     "command",
     "commanded",
     "des",

@@ -64,8 +64,41 @@ fn variance(values: &[f64]) -> f64 {
     values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n
 }
 
+/// How far a multiple of a period may be from a whole number of them.
+const MAX_PART: f64 = 0.03;
+/// From this ratio on the whole number is not less certain.
+const MAX_TIMES: f64 = 10.0;
+
 /// Finds the common period of some columns of a trace; `None` if the motion does not repeat.
+///
+/// Between the points of a coarse trace a short period is no minimum, but one of its multiples is; the
+/// beginning of the log shows the period itself.
 pub(crate) fn period(trace: &Trace, positions: &[usize]) -> Option<Period> {
+    let whole = repeated(trace, positions)?;
+    let mut count = 1.0;
+    // from level to level, so that rounding of a large ratio does not matter
+    for found in trace
+        .finer
+        .iter()
+        .rev()
+        .filter_map(|own| repeated(own, positions))
+    {
+        let ratio = whole.seconds / count / found.seconds;
+        let times = ratio.round();
+        if times > 1.0 && (ratio - times).abs() < MAX_PART * times.min(MAX_TIMES) {
+            count *= times;
+        }
+    }
+    Some(Period {
+        seconds: whole.seconds / count,
+        frequency: whole.frequency * count,
+        repetitions: whole.repetitions * count,
+        ..whole
+    })
+}
+
+/// The period of the points of one trace.
+fn repeated(trace: &Trace, positions: &[usize]) -> Option<Period> {
     let n = trace.times.len();
     let every = n.div_ceil(POINTS).max(1);
     let thin = |column: &usize| -> Option<Vec<f64>> {
@@ -177,6 +210,38 @@ mod tests {
             assert!(
                 (found.seconds - seconds).abs() < 0.05 * 0.04,
                 "{part} {found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_period_of_a_long_log_is_the_shortest_and_no_multiple() {
+        // the points of the whole log are 31.25 to a period, and do not meet it
+        let motion = |t: f64| {
+            let w = core::f64::consts::TAU / 5.0;
+            (w * t).sin() + 0.5 * (4.0 * w * t).cos() + 0.4 * (5.0 * w * t).sin()
+        };
+        for rows in [4000_u32, 40_001, 80_001, 400_001] {
+            let mut trace = Trace::default();
+            for k in 0..rows {
+                let t = 0.0025 * f64::from(k);
+                trace.push(t, &[motion(t)]);
+            }
+            let found = period(&trace, &[0]);
+            if rows == 4000 {
+                // two periods
+                assert!(
+                    found.is_some_and(|f| (f.seconds - 5.0).abs() < 0.05),
+                    "{found:?}"
+                );
+                continue;
+            }
+            let found = found.unwrap();
+            assert!((found.seconds - 5.0).abs() < 0.01, "{rows} {found:?}");
+            let count = 0.0025 * f64::from(rows) / 5.0;
+            assert!(
+                (found.repetitions / count - 1.0).abs() < 0.01,
+                "{rows} {found:?}"
             );
         }
     }

@@ -156,7 +156,19 @@ pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
     if !known.named {
         by_place(known, &found, &mut out);
     }
+    let has_velocity = out.iter().any(|j| j.role == Role::Velocity);
     for (judged, derivative) in out.iter_mut().zip(&found) {
+        // a commanded acceleration may have the name of a measured one, but not its values
+        let follows = derivative.is_some_and(|(_, _, c)| c.abs() >= MIN_CORRELATION);
+        if judged.role == Role::Acceleration
+            && judged.assigned.is_none()
+            && known.timed
+            && has_velocity
+            && !follows
+        {
+            judged.role = Role::Other;
+            "it is not the derivative of a velocity".clone_into(&mut judged.reason);
+        }
         // an effort may look like the rate of a position by accident
         if matches!(judged.role, Role::Velocity | Role::Acceleration) {
             judged.derivative = derivative.map(|(a, factor, correlation)| Derivative {

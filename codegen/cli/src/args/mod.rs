@@ -37,7 +37,7 @@ pub(crate) use generate::{GenerateArgs, TargetArg};
 pub(crate) use identify::{EstimatorArg, IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
 pub(crate) use inspect::InspectArgs;
 pub(crate) use new::{Kind, NewArgs};
-pub(crate) use physical::{MAX_DRAWS, PhysicalArgs, PriorArg};
+pub(crate) use physical::{PhysicalArgs, PriorArg};
 pub(crate) use reading::{
     DelayArg, PayloadArg, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
 };

@@ -129,7 +129,7 @@ fn number(text: &str) -> Result<f64, String> {
 const MIN_DRAWS: usize = 5;
 
 /// The largest number of draws: each is a fit, and all of them are kept.
-pub(crate) const MAX_DRAWS: usize = 100_000;
+const MAX_DRAWS: usize = 100_000;
 
 pub(super) fn draws(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {

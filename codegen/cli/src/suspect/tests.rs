@@ -11,7 +11,7 @@ use regen_identify::identify::{EquationKind, Options, identify};
 use regen_identify::signals::{Fourier, Method};
 use regen_runtime::{LoopClosure, Model};
 
-use super::{LogColumns, Suspected, one};
+use super::{LogColumns, Suspected, suspect, with_options};
 use crate::load;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
@@ -93,7 +93,8 @@ fn warnings(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Susp
         given: &settings.columns,
         model,
     };
-    let out = one(&columns, &sample, used.as_ref(), &mut |_, _| {});
+    let out = suspect::suspicions(&columns, &sample, used.as_ref(), &mut |_, _| {});
+    let out = out.into_iter().map(with_options).collect();
     fs::remove_file(path).unwrap();
     out
 }

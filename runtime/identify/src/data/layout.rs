@@ -381,6 +381,12 @@ fn not_measured<'i>(info: &Info<'i>, measured: &[usize]) -> Vec<&'i str> {
 }
 
 impl ColumnLayout {
+    /// The title of the column that times are read from.
+    pub(super) fn time_column(&self) -> Option<&str> {
+        let index = self.channels.first()?.index?;
+        self.header.get(index).map(String::as_str)
+    }
+
     /// Finds the columns of a run's files.
     pub(super) fn new(
         tables: &[Table],

@@ -5,6 +5,7 @@ mod average;
 #[cfg(feature = "bags")]
 mod bags;
 mod bridge;
+mod bursts;
 mod columns;
 mod csv_rows;
 mod discretisation;

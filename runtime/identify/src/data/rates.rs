@@ -1,4 +1,5 @@
-//! Checks measured velocities against the changes of the measured positions.
+//! Checks measured velocities against the changes of the measured positions, and measured
+//! accelerations against those of the velocities.
 
 use super::layout::Unfit;
 
@@ -11,13 +12,64 @@ const MIN_STRETCHES: f64 = 8.0;
 const MIN_CORRELATION: f64 = 0.7;
 /// If the ratio of a velocity's integral to the position's change is outside `1/MAX_RATIO ..
 /// MAX_RATIO`, the column is in another unit.
-const MAX_RATIO: f64 = 2.0;
+const MAX_RATIO: f64 = 1.5;
+/// As [`MAX_RATIO`], where the correlation is above [`MIN_SAME_CORRELATION`]: neither noise nor the
+/// delay of a filter explains such a ratio.
+const MAX_SAME_RATIO: f64 = 1.07;
+/// With a higher correlation, both are the same motion but for a factor.
+const MIN_SAME_CORRELATION: f64 = 0.995;
 
 /// A position moves if its rms change over a stretch is at least this many times its rms change
 /// between rows. The ratio is about 1 for noise, and [`STRETCH_ROWS`] for a steady motion.
 const MIN_MOTION: f64 = 8.0;
 /// A ratio is one of a unit's if it differs by less than this part, because of noise and filters.
 const RATIO_TOLERANCE: f64 = 0.1;
+
+/// A column and the one that it should be the rate of.
+#[derive(Clone, Debug)]
+pub(super) struct Pair {
+    /// The name of the coordinate.
+    pub(super) name: String,
+    /// The title of the column of the position.
+    pub(super) position: String,
+    /// The title of the column of the velocity.
+    pub(super) velocity: String,
+    /// The factors that both are read with.
+    pub(super) factors: [f64; 2],
+}
+
+/// Which ratios of a rate to its derivative are mistakes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Strictness {
+    /// Those of which the log cannot be used.
+    Refused,
+    /// Those that neither noise nor the delay of a filter explains.
+    Doubted,
+}
+
+/// What is compared, in words.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Words {
+    /// The column that is integrated.
+    rate: &'static str,
+    /// The column whose change that is.
+    of: &'static str,
+    /// The prefix of the quantity that is integrated, and that of the other.
+    prefixes: [&'static str; 2],
+}
+
+/// Velocities, integrated, are the changes of positions.
+pub(super) const VELOCITIES: Words = Words {
+    rate: "velocity",
+    of: "position",
+    prefixes: ["qd_", ""],
+};
+/// Accelerations, integrated, are the changes of velocities.
+pub(super) const ACCELERATIONS: Words = Words {
+    rate: "acceleration",
+    of: "velocity",
+    prefixes: ["qdd_", "qd_"],
+};
 
 /// Accumulates products of the positions' changes and the velocities' integrals over stretches.
 #[derive(Clone, Debug, Default)]
@@ -80,9 +132,21 @@ impl Rates {
     /// The mistake of the first velocity column that does not fit its position; `None` if all fit.
     /// Positions that hardly move are not judged.
     ///
-    /// - `pairs`: the name of each coordinate with the titles of its position and its velocity;
-    /// - `clock`: the title of the column of time; empty without one.
-    pub(super) fn judge(&self, pairs: &[[String; 3]], clock: &str) -> Option<Unfit> {
+    /// - `pairs`: the columns of each coordinate;
+    /// - `clock`: the title of the column of time; empty without one;
+    /// - `words`: what is compared.
+    pub(super) fn judge(
+        &self,
+        pairs: &[Pair],
+        clock: &str,
+        words: Words,
+        strictness: Strictness,
+    ) -> Option<Unfit> {
+        let Words {
+            rate,
+            of,
+            prefixes: [prefix, _],
+        } = words;
         let m = self.change_squares.len();
         if self.stretches < MIN_STRETCHES {
             return None;
@@ -112,7 +176,13 @@ impl Rates {
                 assignment: Some(format!("t={clock}:{unit}")),
             });
         }
-        for (k, [name, position, velocity]) in pairs.iter().enumerate().take(m) {
+        for (k, pair) in pairs.iter().enumerate().take(m) {
+            let Pair {
+                name,
+                position,
+                velocity,
+                factors: [_, factor],
+            } = pair;
             if !moves(k) {
                 continue;
             }
@@ -123,33 +193,47 @@ impl Rates {
                 )));
             }
             let head = format!(
-                "column `{velocity}` is not the velocity of column `{position}`: over \
-                 {STRETCH_ROWS} rows its integral has the correlation {own:.2} with the position's \
+                "column `{velocity}` is not the {rate} of column `{position}`: over \
+                 {STRETCH_ROWS} rows its integral has the correlation {own:.2} with the {of}'s \
                  change"
             );
             if own < -MIN_CORRELATION {
                 return Some(Unfit {
                     why: format!("{head}; the sign of one of them is flipped. Read that with"),
-                    assignment: Some(format!("qd_{name}={velocity}*-1")),
+                    assignment: Some(format!("{prefix}{name}={velocity}*{}", -factor)),
                 });
             }
             if own < MIN_CORRELATION {
                 let fits = |j: &usize| *j != k && moves(*j) && correlation(*j, k) > MIN_CORRELATION;
                 let other = (0..m).find(fits).and_then(|j| pairs.get(j));
                 return Some(match other {
-                    Some([_, other, swapped]) => Unfit {
+                    Some(Pair {
+                        position: other,
+                        velocity: swapped,
+                        ..
+                    }) => Unfit {
                         why: format!(
                             "{head}; it fits column `{other}`: these velocities are swapped, or \
                              their positions. Read each of the two as the other, such as"
                         ),
-                        assignment: Some(format!("qd_{name}={swapped}")),
+                        assignment: Some(format!("{prefix}{name}={swapped}")),
                     },
-                    None => format!("{head}; at least {MIN_CORRELATION} is expected").into(),
+                    None => format!(
+                        "{head}; at least {MIN_CORRELATION} is expected. Leave it out, or give \
+                         --velocities computed, which uses positions only"
+                    )
+                    .into(),
                 });
             }
             let slope = self.products[k * m + k] / self.change_squares[k];
-            if !(1.0 / MAX_RATIO..MAX_RATIO).contains(&slope) {
-                return Some(scaled(slope, name, position, velocity));
+            let is_same = own > MIN_SAME_CORRELATION;
+            let most = if is_same && strictness == Strictness::Doubted {
+                MAX_SAME_RATIO
+            } else {
+                MAX_RATIO
+            };
+            if !(1.0 / most..most).contains(&slope) {
+                return Some(scaled(slope, pair, words));
             }
         }
         None
@@ -176,109 +260,49 @@ fn is_near(slope: f64, size: f64) -> bool {
 }
 
 /// The mistake of a velocity that is `slope` times the rate of its position.
-fn scaled(slope: f64, name: &str, position: &str, velocity: &str) -> Unfit {
-    let head =
-        format!("column `{velocity}` is {slope:.3} times the velocity of column `{position}`");
+fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {
+    let Pair {
+        name,
+        position,
+        velocity,
+        factors,
+    } = pair;
+    let Words {
+        rate,
+        prefixes: [prefix, of],
+        ..
+    } = words;
+    let head = format!("column `{velocity}` is {slope:.3} times the {rate} of column `{position}`");
     let known = |units: &[(f64, &'static str, &'static str)]| {
         let found = units.iter().find(|(size, ..)| is_near(slope, *size));
         found.map(|(_, words, unit)| (*words, *unit))
     };
-    let (column, words, assignment) = if let Some((words, unit)) = known(&OF_VELOCITIES) {
-        (velocity, words, format!("qd_{name}={velocity}:{unit}"))
-    } else if let Some((words, unit)) = known(&OF_POSITIONS) {
-        (position, words, format!("{name}={position}:{unit}"))
-    } else {
-        return Unfit {
-            why: format!("{head}: a unit or a gear is missing. Read one of them with"),
-            assignment: Some(format!("qd_{name}={velocity}*{:.3}", 1.0 / slope)),
+    // a column that has a factor already keeps it
+    let is_plain = factors
+        .iter()
+        .all(|factor| (factor - 1.0).abs() < f64::EPSILON);
+    let has_units = of.is_empty() && is_plain;
+    let (column, words, assignment) =
+        if let (Some((words, unit)), true) = (known(&OF_VELOCITIES), has_units) {
+            (velocity, words, format!("{prefix}{name}={velocity}:{unit}"))
+        } else if let (Some((words, unit)), true) = (known(&OF_POSITIONS), has_units) {
+            (position, words, format!("{of}{name}={position}:{unit}"))
+        } else {
+            return Unfit {
+                why: format!("{head}: a unit or a gear is missing. Read one of them with"),
+                assignment: Some(format!(
+                    "{prefix}{name}={velocity}*{}",
+                    figure(factors[1] / slope)
+                )),
+            };
         };
-    };
     Unfit {
         why: format!("{head}: column `{column}` looks like {words}. Read it with"),
         assignment: Some(assignment),
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The verdict on two joints whose columns (q1, q2, qd1, qd2) `change` has altered.
-    fn verdict(change: impl Fn([f64; 4]) -> [f64; 4]) -> Option<String> {
-        let mut rates = Rates::default();
-        for k in 0..3000 {
-            let t = f64::from(k) * 2e-3;
-            // noise of an encoder, the same in every run
-            let noise = |seed: f64| 1e-4 * (1e4 * (t + seed)).sin();
-            let row = [
-                (2.0 * t).sin() + noise(0.1),
-                (3.1 * t).cos() + noise(0.2),
-                2.0 * (2.0 * t).cos() + noise(0.3),
-                -3.1 * (3.1 * t).sin() + noise(0.4),
-            ];
-            let changed = change(row);
-            rates.push(2, &[&[t][..], &changed].concat());
-        }
-        let pairs = ["q1", "q2"].map(|q| [q.to_owned(), q.to_owned(), format!("v_{q}")]);
-        let unfit = rates.judge(&pairs, "t")?;
-        Some(match unfit.assignment {
-            Some(assignment) => format!("{} {assignment}", unfit.why),
-            None => unfit.why,
-        })
-    }
-
-    #[test]
-    fn velocities_of_other_joints_are_reported() {
-        assert_eq!(verdict(|row| row), None);
-        let flipped = verdict(|[a, b, c, d]| [a, b, c, -d]).unwrap_or_default();
-        assert!(
-            flipped.ends_with("flipped. Read that with qd_q2=v_q2*-1"),
-            "{flipped}"
-        );
-        let swapped = verdict(|[a, b, c, d]| [a, b, d, c]).unwrap_or_default();
-        assert!(
-            swapped.contains("fits column `q2`") && swapped.ends_with("qd_q1=v_q2"),
-            "{swapped}"
-        );
-        for (factor, position, expected) in [
-            (
-                57.3,
-                false,
-                "`v_q1` looks like degrees per second. Read it with qd_q1=v_q1:deg/s",
-            ),
-            (
-                57.3,
-                true,
-                "`q1` looks like degrees. Read it with q1=q1:deg",
-            ),
-            (
-                45.0,
-                false,
-                "a unit or a gear is missing. Read one of them with qd_q1=v_q1*0.022",
-            ),
-        ] {
-            let found = verdict(|[a, b, c, d]| {
-                if position {
-                    [factor * a, b, c, d]
-                } else {
-                    [a, b, factor * c, d]
-                }
-            });
-            let found = found.unwrap_or_default();
-            assert!(found.ends_with(expected), "{found}");
-        }
-        let clock = verdict(|[a, b, c, d]| [a, b, 1e3 * c, 1e3 * d]).unwrap_or_default();
-        assert!(clock.ends_with("Read it with t=t:ms"), "{clock}");
-        let other = verdict(|[a, b, _, d]| [a, b, a, d]).unwrap_or_default();
-        assert!(other.contains("at least 0.7"), "{other}");
-        let unread = verdict(|[a, b, c, _]| [a, b, c, 0.0]).unwrap_or_default();
-        assert!(unread.contains("`v_q2` is 0"), "{unread}");
-        // noise of a joint at rest, whatever its velocity is
-        assert_eq!(
-            verdict(|[a, b, c, _]| [a, 1e-4 * (1e5 * b).sin(), c, a]),
-            None
-        );
-        // a joint that does not move
-        assert_eq!(verdict(|[a, _, c, _]| [a, 0.3, c, 0.0]), None);
-    }
+/// A factor with four significant digits.
+fn figure(factor: f64) -> f64 {
+    format!("{factor:.3e}").parse().unwrap_or(factor)
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::bridge::{Bridge, Bridged, Bridging};
+use super::bursts::{BurstFinder, OffRow};
 use super::columns::Assignment;
 use super::dropouts::{Dropout, DropoutFinder};
 use super::file_rows::{Opening, Table};
@@ -10,7 +11,7 @@ use super::joined::JoinedRows;
 use super::layout::{ColumnLayout, Search, Unfit};
 use super::policy::{Gaps, Policy, UsedFaults};
 use super::problem::{DataError, Problem, median};
-use super::rates::Rates;
+use super::rates::{ACCELERATIONS, Pair, Rates, Strictness, VELOCITIES};
 use super::resample::Resampler;
 use super::row_cache::{RecordSink, RowCache};
 use super::row_checker::RowChecker;
@@ -46,6 +47,11 @@ pub(super) struct Survey {
     pub(super) dropouts: BTreeMap<u64, Vec<Dropout>>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
+    /// The rows in which a position is that of a run of outliers, by their lines, with the entry.
+    pub(super) off_rows: BTreeMap<u64, (usize, OffRow)>,
+    /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
+    /// the assignment that corrects it.
+    pub(super) doubted_rate: Option<(String, String)>,
     /// The first and the last time of the log, s, where all its rows are within the times that are
     /// asked for.
     pub(super) uncut: Option<(f64, f64)>,
@@ -202,11 +208,22 @@ impl LogFile {
         let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
         let positions = self.layout.positions();
         let mut histories = vec![PositionHistory::default(); positions.len()];
+        let mut bursts = vec![BurstFinder::default(); positions.len()];
         let mut finder = DropoutFinder::default();
         let mut rates = Rates::default();
         let velocities = positions.clone().zip(&self.layout.velocities);
         let with_rates: Vec<(usize, usize)> = velocities
             .filter_map(|(entry, v)| Some((entry, (*v)?)))
+            .collect();
+        let mut accelerations = Rates::default();
+        let entries = self
+            .layout
+            .velocities
+            .iter()
+            .zip(&self.layout.accelerations);
+        let with_accelerations: Vec<(usize, usize, usize)> = entries
+            .enumerate()
+            .filter_map(|(k, (v, a))| Some((k, (*v)?, (*a)?)))
             .collect();
         let mut rate_row = Vec::new();
         let mut last_time = None;
@@ -229,8 +246,10 @@ impl LogFile {
                 range = Some((first.min(time), last.max(time)));
                 if last_time.is_none_or(|last| time <= last) {
                     histories.iter_mut().for_each(PositionHistory::pause);
+                    bursts.iter_mut().for_each(BurstFinder::pause);
                     finder.pause();
                     rates.pause();
+                    accelerations.pause();
                 }
                 finder.push(row.line, &row.values);
                 last_time = Some(time);
@@ -238,12 +257,22 @@ impl LogFile {
                 for (history, value) in histories.iter_mut().zip(row_positions) {
                     history.push(row.line, *value);
                 }
+                for (burst, value) in bursts.iter_mut().zip(row_positions) {
+                    burst.push(row.line, *value);
+                }
                 if !with_rates.is_empty() {
                     rate_row.clear();
                     rate_row.push(time);
                     rate_row.extend(with_rates.iter().map(|pair| row.values[pair.0]));
                     rate_row.extend(with_rates.iter().map(|pair| row.values[pair.1]));
                     rates.push(with_rates.len(), &rate_row);
+                }
+                if !with_accelerations.is_empty() {
+                    rate_row.clear();
+                    rate_row.push(time);
+                    rate_row.extend(with_accelerations.iter().map(|pair| row.values[pair.1]));
+                    rate_row.extend(with_accelerations.iter().map(|pair| row.values[pair.2]));
+                    accelerations.push(with_accelerations.len(), &rate_row);
                 }
             }
             Ok(())
@@ -255,24 +284,51 @@ impl LogFile {
             )));
         }
         let uncut = range.filter(|_| self.run.times.is_some() && outside.is_none());
-        let pairs = with_rates.iter().map(|(position, velocity)| {
-            let place = position - positions.start;
-            let coordinate = self.layout.measured.get(place).and_then(|c| names.get(*c));
-            let name = coordinate.cloned().unwrap_or_default();
-            [
-                name,
-                self.layout.title(*position),
-                self.layout.title(*velocity),
-            ]
-        });
-        let pairs: Vec<[String; 3]> = pairs.collect();
-        if let Some(unfit) = rates.judge(&pairs, &self.layout.title(0)) {
+        let pair = |coordinate: usize, position: usize, velocity: usize| {
+            let coordinate = self.layout.measured.get(coordinate);
+            let factor = |entry: usize| {
+                let channel = self.layout.channels.get(entry);
+                channel.map_or(1.0, |c| c.factor)
+            };
+            Pair {
+                name: coordinate
+                    .and_then(|c| names.get(*c))
+                    .cloned()
+                    .unwrap_or_default(),
+                position: self.layout.title(position),
+                velocity: self.layout.title(velocity),
+                factors: [factor(position), factor(velocity)],
+            }
+        };
+        let pairs: Vec<Pair> = with_rates
+            .iter()
+            .map(|(position, velocity)| pair(position - positions.start, *position, *velocity))
+            .collect();
+        let pairs_of_accelerations: Vec<Pair> = with_accelerations
+            .iter()
+            .map(|(k, velocity, own)| pair(*k, *velocity, *own))
+            .collect();
+        let mistake = |strictness: Strictness| {
+            rates
+                .judge(&pairs, &self.layout.title(0), VELOCITIES, strictness)
+                .or_else(|| {
+                    accelerations.judge(&pairs_of_accelerations, "", ACCELERATIONS, strictness)
+                })
+        };
+        if let Some(unfit) = mistake(Strictness::Refused) {
             return Err(unfit.of(&self.name));
         }
+        let doubted_rate = mistake(Strictness::Doubted).and_then(|unfit| {
+            let (what, _) = unfit.why.split_once(". ")?;
+            Some((what.to_owned(), unfit.assignment?))
+        });
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());
-        for (history, entry) in histories.into_iter().zip(positions) {
+        let mut off_rows = BTreeMap::new();
+        for ((history, burst), entry) in histories.into_iter().zip(bursts).zip(positions) {
             let (stretches, changes) = history.finish(entry);
+            let off = burst.finish(changes.regular);
+            off_rows.extend(off.map(|row| (row.line, (entry, row))));
             position_changes.push(changes);
             for stretch in stretches {
                 stuck.entry(stretch.first).or_default().push(stretch);
@@ -308,6 +364,8 @@ impl LogFile {
             stuck,
             dropouts,
             position_changes,
+            off_rows,
+            doubted_rate,
             uncut,
         })
     }

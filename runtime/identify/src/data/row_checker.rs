@@ -253,10 +253,18 @@ impl<'a> RowChecker<'a> {
         let mut own = self.spare.pop().unwrap_or_default();
         own.line = row.line;
         own.values.clone_from(&row.values);
+        let off = self.survey.off_rows.get(&row.line);
+        let fault = off.map(|(entry, off)| {
+            Box::new(Fault::Outlier {
+                column: self.layout.title(*entry),
+                value: off.value,
+                around: off.around,
+            })
+        });
         self.queue.push_back(PendingRow {
             row: own,
             follows,
-            fault: None,
+            fault,
             dropout: core::mem::take(&mut self.dropout),
         });
         for (k, count) in saturated {

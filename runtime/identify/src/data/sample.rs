@@ -39,6 +39,8 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         };
         let mut out = Sample {
             measured: log.file.layout.measured.clone(),
+            time_column: log.file.layout.time_column().map(str::to_owned),
+            doubted_rate: log.survey.doubted_rate.clone(),
             step: log.survey.time_step(),
             whole: rows / self.settings.decimation.max(1),
             ..Sample::default()

@@ -276,7 +276,7 @@ pub(crate) fn describe_fit(found: &PhysicalFit, layout: &ParameterLayout) -> Str
         let _ = write!(
             text,
             "; the masses {} hardly affect the fit, and this robot cannot have these values: bound \
-             them, or give nominal masses",
+             them",
             heavy.join(", ")
         );
     }

@@ -4,7 +4,7 @@
 use super::grams::{Fit, Grams};
 use super::{
     Change, MAX_EXPLAINED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Reading, facts,
-    implausible_count, quality,
+    implausible_count, judge, quality,
 };
 use regen_runtime::BaseModel;
 
@@ -20,8 +20,9 @@ const MIN_GAIN_OF_FACTOR: f64 = 3.0;
 /// Factors on an effort between 1 over this and this may come from geometry and friction, and are
 /// not reported.
 const MIN_REPORTED_FACTOR: f64 = 2.0;
-/// Flipped signs may increase an error by this factor if the parameters become plausible.
-const MAX_LOSS_OF_SIGNS: f64 = 1.2;
+/// Flipped signs may increase the largest error and the product of errors by this factor if the
+/// parameters become plausible: what fits worse is no remedy.
+const MAX_LOSS_OF_SIGNS: f64 = 1.002;
 /// Factors between units: a factor within 10 % of one of them is set to it.
 const UNITS: [f64; 4] = [1e3, 1e-3, 9.806_65, 0.01];
 
@@ -69,15 +70,17 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         let Some(mut best) = equivalent.next() else {
             break;
         };
-        let mut weight = (
-            implausible_count(model, grams, &best.1),
-            best.2.touched.len(),
-        );
+        // a fit sees only the ratio of two efforts; the nominal bodies tell which of them is wrong
+        let weight_of = |fit: &Fit, candidate: &Candidate| {
+            (
+                implausible_count(model, grams, fit)
+                    + judge::contradictions(&facts::nominal(model, grams, &candidate.read)),
+                candidate.touched.len(),
+            )
+        };
+        let mut weight = weight_of(&best.1, &best.2);
         for other in equivalent {
-            let own = (
-                implausible_count(model, grams, &other.1),
-                other.2.touched.len(),
-            );
+            let own = weight_of(&other.1, &other.2);
             if own < weight {
                 (best, weight) = (other, own);
             }
@@ -225,7 +228,7 @@ fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit)
         return None;
     }
     let mut step = root;
-    for _ in 0..6 {
+    for _ in 0..9 {
         step = step.sqrt();
         for factor in [best.1 * step, best.1 / step] {
             let error = with(factor);
@@ -268,11 +271,9 @@ fn flip_driving_signs<M: BaseModel<f64> + ?Sized>(
         return None;
     }
     let fit = grams.fit(&flipped, offsets)?;
-    let worse = fit
-        .errors
-        .iter()
-        .zip(&now.errors)
-        .any(|(a, b)| *a > MAX_LOSS_OF_SIGNS * b.max(0.01));
+    let worst = |fit: &Fit| fit.errors.iter().fold(0.01, |m: f64, e| m.max(*e));
+    let worse = worst(&fit) > MAX_LOSS_OF_SIGNS * worst(now)
+        || quality(&fit.errors) > MAX_LOSS_OF_SIGNS * quality(&now.errors);
     let fewer = implausible_count(model, grams, &fit) < implausible_count(model, grams, now);
     (fewer && !worse && facts::driving(model, grams, &fit).is_empty()).then_some((flipped, fit))
 }

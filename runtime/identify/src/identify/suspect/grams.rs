@@ -25,6 +25,8 @@ pub(super) struct Grams {
     pub(super) spent: Vec<f64>,
     /// Whether nominal bodies are known.
     pub(super) nominal: bool,
+    /// Some of the positions, of all coordinates.
+    pub(super) postures: Vec<Vec<f64>>,
 }
 
 /// A least-squares solution.
@@ -44,6 +46,8 @@ const REWEIGHTING_PASSES: usize = 4;
 const RIDGE: f64 = 1e-10;
 /// The smallest relative error of an equation that its weight is computed from.
 const MIN_RELATIVE_ERROR: f64 = 1e-3;
+/// The number of postures at which inertias are looked at.
+const POSTURES: usize = 16;
 /// The smallest part of the states at which the loops must close.
 const MIN_CLOSED_PART: f64 = 0.8;
 
@@ -118,7 +122,9 @@ impl Grams {
             power: vec![0.0; columns],
             spent: vec![0.0; dof],
             nominal: beta.is_some(),
+            postures: Vec::new(),
         };
+        let apart = (sample.states.len() / every.max(1) / POSTURES).max(1);
         let mut w = vec![0.0; dof * columns];
         let mut transfer = vec![0.0; dof * efforts];
         let mut own = vec![0.0; dof];
@@ -165,6 +171,9 @@ impl Grams {
                     .collect();
                 let sizes = (0..dof).map(|i| out.size(i));
                 out.matrices = sizes.map(|n| vec![0.0; n * n]).collect();
+            }
+            if (out.tried - 1).is_multiple_of(apart) {
+                out.postures.push(full.q.clone());
             }
             out.count += 1.0;
             for i in 0..dof {
@@ -359,6 +368,52 @@ impl Grams {
             out += x * (fitted - 2.0 * side);
         }
         out.max(0.0)
+    }
+
+    /// For each equation, the rms of what the nominal bodies do not need of the effort, over the rms
+    /// of the effort about its mean. Friction, and what has no nominal value, is fitted.
+    ///
+    /// - `offsets`: the efforts with a free constant.
+    pub(super) fn errors_of_nominal<M: BaseModel<f64> + ?Sized>(
+        &self,
+        model: &M,
+        read: &[Reading],
+        offsets: &[usize],
+    ) -> Option<Vec<f64>> {
+        let one = |i: usize| {
+            let last = self.size(i) - 1;
+            let constants = offsets.iter().filter_map(|k| self.constant(i, *k));
+            let separate: Vec<usize> = (0..self.columns)
+                .filter(|c| lacks_nominal(model, *c))
+                .chain(constants)
+                .filter(|c| self.entry(i, *c, *c) > 0.0)
+                .collect();
+            let side = self.side(i, read);
+            let mean = self.product(i, &side, &[(last, 1.0)]);
+            let square = self.product(i, &side, &side);
+            let spread = square - mean * mean / self.count;
+            let mut rest = side;
+            rest.push((last - 1, -1.0));
+            let n = separate.len();
+            let mut gram = vec![0.0; n * n];
+            for (a, p) in separate.iter().enumerate() {
+                for (b, q) in separate[..=a].iter().enumerate() {
+                    gram[a * n + b] = self.entry(i, *p, *q);
+                }
+            }
+            let right: Vec<f64> = separate
+                .iter()
+                .map(|p| self.product(i, &[(*p, 1.0)], &rest))
+                .collect();
+            let solved = solve(&mut gram, &right)?;
+            let explained: f64 = solved.iter().zip(&right).map(|(a, b)| a * b).sum();
+            let left = (self.product(i, &rest, &rest) - explained).max(0.0);
+            (spread > 0.0).then(|| (left / spread).sqrt())
+        };
+        if !self.nominal {
+            return None;
+        }
+        (0..self.rows()).map(one).collect()
     }
 
     /// Compares the effort of equation `i` with the one that the nominal bodies need, after

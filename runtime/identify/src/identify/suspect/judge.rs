@@ -33,6 +33,8 @@ const MAX_NOMINAL_FACTOR: f64 = 4.0;
 /// The smallest part of an effort's rms that is neither friction nor constant, for it to be
 /// compared with the nominal bodies.
 pub(super) const MIN_COMPARED_PART: f64 = 0.2;
+/// The largest relative change of an effort that is the same throughout.
+const MAX_ROUNDING: f64 = 1e-9;
 /// An effort of more than this many times its limit is in another unit.
 const MIN_LIMIT_RATIO: f64 = 10.0;
 
@@ -188,6 +190,10 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if !out.is_empty() || sample.states.is_empty() {
         return out;
     }
+    out.extend(unmeasured(columns, sample));
+    if !out.is_empty() {
+        return out;
+    }
     let own: Vec<f64> = info
         .actuated
         .iter()
@@ -232,6 +238,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         }));
     }
     out.extend(columns.spikes(&sample.spikes));
+    if let Some((what, assignment)) = &sample.doubted_rate
+        && let Ok(assignment) = assignment.parse()
+    {
+        out.push(columns.suspicion(what.clone(), Remedy::columns(vec![assignment])));
+    }
     if out.is_empty() {
         out.extend(missed_by_series(columns, sample, &findings.errors));
     }
@@ -255,7 +266,11 @@ fn clock<M: BaseModel<f64> + ?Sized>(
         // no unit of time explains such a step
         _ => return None,
     };
-    let time = columns.source(&Quantity::Time);
+    let mut time = columns.source(&Quantity::Time);
+    let is_given = columns.given.iter().any(|a| a.quantity == Quantity::Time);
+    if let (Some(title), false) = (&sample.time_column, is_given) {
+        time.column.clone_from(title);
+    }
     Some(columns.suspicion(
         format!(
             "column `{}` looks like {unit} and not s: the usual step would be {} s",
@@ -266,6 +281,42 @@ fn clock<M: BaseModel<f64> + ?Sized>(
             factor: time.factor * factor,
             ..time
         }]),
+    ))
+}
+
+/// The efforts that are the same throughout: they are not measured, and no unit, sign or offset makes
+/// them so.
+fn unmeasured<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let is_constant = |k: &usize| {
+        let values = sample.states.iter().filter_map(|s| s.efforts.get(*k));
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), u| {
+            (low.min(*u), high.max(*u))
+        });
+        // a filter leaves rounding errors
+        high - low <= f64::MIN_POSITIVE.max(MAX_ROUNDING * low.abs().max(high.abs()))
+    };
+    let constant = (0..columns.model.info().actuated.len()).filter(is_constant);
+    let names: Vec<String> = constant
+        .map(|k| format!("`{}`", columns.effort(k).column))
+        .collect();
+    let what = match &names[..] {
+        [] => return None,
+        [one] => format!("column {one} is the same in all rows: this effort is not measured"),
+        more => format!(
+            "columns {} are the same in all rows: these efforts are not measured",
+            more.join(", ")
+        ),
+    };
+    let advice = "No parameter is worth anything with it: log the efforts, or give other columns";
+    Some(columns.suspicion(
+        what,
+        Remedy::Read {
+            advice: vec![advice.to_owned()],
+            columns: Vec::new(),
+        },
     ))
 }
 
@@ -323,6 +374,20 @@ fn missed_by_series<M: BaseModel<f64> + ?Sized>(
     })
 }
 
+/// Whether a factor is more than nominal values may be wrong by.
+fn is_far(nominal: &Nominal) -> bool {
+    nominal.correlation >= MIN_CORRELATION_OF_FACTOR
+        && !(1.0 / MAX_NOMINAL_FACTOR..MAX_NOMINAL_FACTOR).contains(&nominal.factor)
+}
+
+/// The number of efforts whose sign or size contradicts the nominal bodies.
+pub(super) fn contradictions(nominal: &[Nominal]) -> usize {
+    let compared = nominal.iter().filter(|n| n.part >= MIN_COMPARED_PART);
+    compared
+        .filter(|n| n.correlation <= -MIN_CORRELATION || is_far(n))
+        .count()
+}
+
 /// Compares the efforts with those that the nominal bodies need.
 fn against_nominal<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
@@ -369,14 +434,7 @@ fn against_nominal<M: BaseModel<f64> + ?Sized>(
             Remedy::columns(columns.with_flipped_signs(&turned)),
         ));
     }
-    let far: Vec<_> = compared
-        .iter()
-        .copied()
-        .filter(|n| {
-            n.correlation >= MIN_CORRELATION_OF_FACTOR
-                && !(1.0 / MAX_NOMINAL_FACTOR..MAX_NOMINAL_FACTOR).contains(&n.factor)
-        })
-        .collect();
+    let far: Vec<_> = compared.iter().copied().filter(|n| is_far(n)).collect();
     if !far.is_empty() {
         let milli = far.iter().all(|n| (300.0..3000.0).contains(&n.factor));
         // all efforts have one unit, unless one of them agrees with the bodies

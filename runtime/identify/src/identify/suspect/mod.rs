@@ -12,10 +12,12 @@ mod facts;
 mod grams;
 mod judge;
 mod positions;
+mod trial;
 mod words;
 
 pub use facts::{NegativeParameter, Nominal, Shift};
 pub use judge::{EffortChange, Remedy, Suspicion, suspicions};
+pub use trial::{Trial, trial, weightless};
 pub use words::LogColumns;
 
 use grams::{Fit, Grams};
@@ -28,6 +30,11 @@ pub struct Sample {
     pub measured: Vec<usize>,
     /// The states.
     pub states: Vec<Measured>,
+    /// The title of the column of times, where it was found without being assigned.
+    pub time_column: Option<String>,
+    /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
+    /// the assignment that corrects it.
+    pub doubted_rate: Option<(String, String)>,
     /// The usual step between rows of the log, s.
     pub step: f64,
     /// The number of states of a whole pass over the log.
@@ -213,16 +220,38 @@ fn quality(errors: &[f64]) -> f64 {
     errors.iter().map(|e| e.max(0.01)).product()
 }
 
-/// The number of coordinates with negative inertia at home, plus those whose friction drives the
-/// joint.
+/// The largest number of directions, in any posture, in which the mass matrix is negative, plus the
+/// number of coordinates whose friction drives the joint.
 fn implausible_count<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, fit: &Fit) -> usize {
-    let info = model.info();
-    let dof = info.dof();
+    let dof = model.info().dof();
     let mut mass = vec![0.0; dof * dof];
     let beta = fit.values.get(..grams.columns()).unwrap_or_default();
-    let light = match model.base_mass_matrix(info.home, beta, &mut mass) {
-        Ok(_) => mass.iter().step_by(dof + 1).filter(|m| **m < 0.0).count(),
-        Err(_) => 0,
-    };
+    let mut light = 0;
+    for q in &grams.postures {
+        if model.base_mass_matrix(q, beta, &mut mass).is_ok() {
+            light = light.max(negative_pivots(&mut mass, dof));
+        }
+    }
     light + facts::driving(model, grams, fit).len()
+}
+
+/// The number of negative eigenvalues of a symmetric matrix, as that of its negative pivots.
+fn negative_pivots(matrix: &mut [f64], size: usize) -> usize {
+    let mut out = 0;
+    for k in 0..size {
+        let pivot = matrix[k * size + k];
+        if pivot < 0.0 {
+            out += 1;
+        }
+        if pivot == 0.0 {
+            continue;
+        }
+        for i in k + 1..size {
+            let factor = matrix[i * size + k] / pivot;
+            for j in k + 1..size {
+                matrix[i * size + j] -= factor * matrix[k * size + j];
+            }
+        }
+    }
+    out
 }

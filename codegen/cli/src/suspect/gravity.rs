@@ -1,0 +1,172 @@
+//! Tries the spec with another gravity, or with constant efforts, on logs that contradict it.
+
+use std::path::Path;
+
+use regen_codegen::Mechanism;
+use regen_codegen::robot::{FunctionKind, Robot};
+use regen_identify::data::Quantity;
+use regen_identify::identify::suspect::{self, LogColumns, Remedy, Sample, Suspicion, Trial};
+use regen_interpreted::{BaseTerms, Interpreted};
+
+use crate::args::PayloadArg;
+use crate::load;
+
+/// The size of gravity that is tried where the spec has none, m/s^2.
+const USUAL_GRAVITY: f64 = 9.81;
+/// The largest number of parameters of a robot that is derived again for another gravity.
+const MAX_PARAMETERS: usize = 120;
+
+/// A spec that is tried with other values.
+#[derive(Debug, Default)]
+pub(crate) struct OtherSpecs<'a> {
+    file: Option<&'a Path>,
+    payload: Option<PayloadArg>,
+}
+
+impl<'a> OtherSpecs<'a> {
+    /// The spec in a file, for runs in which its payloads are, or are not, carried.
+    pub(crate) fn new(file: &'a Path, payload: Option<PayloadArg>) -> Self {
+        Self {
+            file: Some(file),
+            payload,
+        }
+    }
+
+    /// The mechanism; `None` where the file was standard input, or runs differ in their payload.
+    fn mechanism(&self) -> Option<Mechanism> {
+        let file = self.file.filter(|file| *file != Path::new("-"))?;
+        load::loaded(&load::source(file).ok()?, self.payload).ok()
+    }
+}
+
+/// What looks wrong with a log, and the change of the spec that explains it, if there is one. It then
+/// takes the place of changes of columns that explain the log less well.
+///
+/// - `found`: what looks wrong with the log for the present spec.
+pub(super) fn with_spec(
+    columns: &LogColumns<'_, Interpreted<'_>>,
+    sample: &Sample,
+    specs: &OtherSpecs<'_>,
+    found: Vec<Suspicion>,
+) -> Vec<Suspicion> {
+    if found.iter().any(prevents) {
+        return found;
+    }
+    let Some((other, _)) = best(columns, sample, specs) else {
+        return found;
+    };
+    let of_columns = found.iter().filter_map(|f| f.changed);
+    let least = of_columns.fold(f64::INFINITY, f64::min);
+    if other.changed.is_none_or(|changed| changed >= least) {
+        return found;
+    }
+    // what follows from the wrong gravity is not said besides
+    let apart = |f: &Suspicion| {
+        let columns = matches!(&f.remedy, Remedy::Read { columns, .. } if columns.is_empty());
+        f.error.is_none() && columns
+    };
+    let rest = found.into_iter().filter(apart);
+    std::iter::once(other).chain(rest).collect()
+}
+
+/// Whether a log cannot be compared with the spec: its clock or its series is wrong.
+fn prevents(found: &Suspicion) -> bool {
+    match &found.remedy {
+        Remedy::Read { columns, .. } => columns.iter().any(|c| c.quantity == Quantity::Time),
+        remedy => *remedy == Remedy::Series,
+    }
+}
+
+/// The change of the spec that fits a log best, if one fits it better than the spec itself.
+fn best(
+    columns: &LogColumns<'_, Interpreted<'_>>,
+    sample: &Sample,
+    specs: &OtherSpecs<'_>,
+) -> Option<(Suspicion, Trial)> {
+    let before = suspect::trial(columns.model, sample)?;
+    if !before.is_doubtful() {
+        return None;
+    }
+    let mut out = suspect::weightless(columns, sample);
+    let info = columns.model.info();
+    if info.parameters.len() > MAX_PARAMETERS {
+        return out;
+    }
+    let Some(mechanism) = specs.mechanism() else {
+        return out;
+    };
+    let own = mechanism.gravity();
+    for gravity in others(own) {
+        let Some(robot) = derived(&mechanism, gravity) else {
+            continue;
+        };
+        let terms = BaseTerms::new(&robot);
+        let model = Interpreted::with_terms(&robot, &terms);
+        if model.info().coordinates != info.coordinates {
+            continue;
+        }
+        let Some(found) = suspect::trial(&model, sample) else {
+            continue;
+        };
+        let better = found.gain_over(&before).is_some()
+            && out
+                .as_ref()
+                .is_none_or(|(_, best)| found.is_better_than(best));
+        if better {
+            let what = words(own, gravity);
+            let advice = format!("Give the spec {}, if that is so", key(gravity));
+            let suspicion = columns.other_spec(what, &before, &found, advice);
+            out = Some((suspicion, found));
+        }
+    }
+    out
+}
+
+/// The robot with another gravity, if it can be derived.
+fn derived(mechanism: &Mechanism, gravity: [f64; 3]) -> Option<Robot> {
+    let other = mechanism.with_gravity(gravity)?;
+    other.robot(&FunctionKind::ALL).ok()
+}
+
+/// None, the opposite, and each axis and its opposite, without the present one.
+fn others(own: [f64; 3]) -> Vec<[f64; 3]> {
+    let size = own.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let size = if size > 0.0 { size } else { USUAL_GRAVITY };
+    let mut out = vec![[0.0; 3], own.map(|g| 0.0 - g)];
+    for axis in (0..3).rev() {
+        for sign in [-size, size] {
+            let mut gravity = [0.0; 3];
+            gravity[axis] = sign;
+            out.push(gravity);
+        }
+    }
+    let mut tried = vec![own];
+    out.retain(|gravity| {
+        let new = !tried.contains(gravity);
+        tried.push(*gravity);
+        new
+    });
+    out
+}
+
+/// What another gravity says of the log.
+fn words(own: [f64; 3], gravity: [f64; 3]) -> String {
+    let is_none = |of: [f64; 3]| of.iter().all(|g| *g == 0.0);
+    let sums = own.iter().zip(gravity).map(|(a, b)| a + b);
+    if is_none(gravity) {
+        "these efforts do not contain gravity"
+    } else if is_none(own) {
+        "these efforts contain gravity, and the spec has none"
+    } else if sums.fold(0.0, |m: f64, sum| m.max(sum.abs())) == 0.0 {
+        "the spec's gravity looks upside down"
+    } else {
+        "the spec's gravity looks as if along another axis"
+    }
+    .to_owned()
+}
+
+/// The key of the spec with a gravity.
+fn key(gravity: [f64; 3]) -> String {
+    let [x, y, z] = gravity;
+    format!("`gravity: [{x}, {y}, {z}]`")
+}

@@ -1,0 +1,190 @@
+//! Finds runs of rows in which a position jumps away and comes back: no joint moves so.
+
+/// Number of changes before a jump, and after the return, that are compared with it.
+const CALM: usize = 5;
+/// The smallest jump, in the largest change of the rows before it: motion and noise grow by less.
+const MIN_CHANGES: f64 = 12.0;
+/// The smallest jump, in the regular changes of the log.
+const MIN_REGULAR: f64 = 3.0;
+/// The largest change of calm rows, relative to the jump.
+const MAX_CALM_PART: f64 = 0.1;
+/// The largest distance of the position after the run from where the motion leads to, relative to the
+/// jump.
+const MAX_MOVED_PART: f64 = 0.25;
+/// The largest number of rows of a run.
+const MAX_ROWS: usize = 1000;
+/// The largest number of rows that are kept of all runs.
+const MAX_KEPT: usize = 10_000;
+
+/// A row whose position is not that of the joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct OffRow {
+    /// The number of the row.
+    pub(super) line: u64,
+    /// The position, rad or m.
+    pub(super) value: f64,
+    /// The position that those before and after the run lead to.
+    pub(super) around: f64,
+    /// The size of the jump.
+    jump: f64,
+}
+
+/// A run that has begun and has not ended.
+#[derive(Clone, Debug)]
+struct Run {
+    /// The position before the jump.
+    before: f64,
+    jump: f64,
+    /// The mean change of the rows before it.
+    rate: f64,
+    /// The rows since the jump.
+    rows: Vec<(u64, f64)>,
+}
+
+/// Looks for runs in one position, row by row.
+#[derive(Clone, Debug, Default)]
+pub(super) struct BurstFinder {
+    last: Option<f64>,
+    /// The last changes, the newest at the end, and the number of them.
+    changes: [f64; CALM],
+    count: usize,
+    run: Option<Run>,
+    found: Vec<OffRow>,
+}
+
+impl BurstFinder {
+    /// Adds the position (rad or m) of the row at `line`.
+    pub(super) fn push(&mut self, line: u64, value: f64) {
+        let Some(before) = self.last.replace(value) else {
+            return;
+        };
+        let change = value - before;
+        let usual = largest(&self.changes);
+        if self.run.is_none()
+            && self.count >= CALM
+            && usual > 0.0
+            && change.abs() > MIN_CHANGES * usual
+        {
+            self.run = Some(Run {
+                before,
+                jump: change.abs(),
+                rate: mean(&self.changes),
+                rows: Vec::new(),
+            });
+        }
+        self.changes.rotate_left(1);
+        self.changes[CALM - 1] = change;
+        self.count += 1;
+        if let Some(run) = &mut self.run {
+            run.rows.push((line, value));
+            self.judge();
+        }
+    }
+
+    /// Forgets the rows before a gap.
+    pub(super) fn pause(&mut self) {
+        *self = Self {
+            found: core::mem::take(&mut self.found),
+            ..Self::default()
+        };
+    }
+
+    /// Ends the run if its last rows are calm and where the motion before leads to.
+    fn judge(&mut self) {
+        let Some(run) = &self.run else { return };
+        if run.rows.len() > MAX_ROWS {
+            self.run = None;
+            return;
+        }
+        let Some(off) = run.rows.len().checked_sub(CALM + 1).filter(|off| *off > 0) else {
+            return;
+        };
+        let pair = run.rows.get(off - 1).zip(run.rows.get(off));
+        let Some(((_, last), (_, after))) = pair else {
+            return;
+        };
+        // a shift that stays may meet the old path again, but does not jump to it
+        let usual = largest(&self.changes);
+        let returns =
+            (after - last).abs() > MIN_CHANGES * usual && usual < MAX_CALM_PART * run.jump;
+        let expected = run.before + 0.5 * (run.rate + mean(&self.changes)) * (off + 1) as f64;
+        if !returns || (after - expected).abs() > MAX_MOVED_PART * run.jump {
+            return;
+        }
+        let per_row = (after - run.before) / (off + 1) as f64;
+        for (k, (line, value)) in run.rows.iter().take(off).enumerate() {
+            let around = run.before + per_row * (k + 1) as f64;
+            let is_off = (value - around).abs() > MAX_CALM_PART * run.jump;
+            if is_off && self.found.len() < MAX_KEPT {
+                self.found.push(OffRow {
+                    line: *line,
+                    value: *value,
+                    around: format!("{around:.5e}").parse().unwrap_or(around),
+                    jump: run.jump,
+                });
+            }
+        }
+        self.run = None;
+    }
+
+    /// The rows that are off by far more than the regular changes of the position.
+    pub(super) fn finish(self, regular: f64) -> impl Iterator<Item = OffRow> {
+        let found = self.found.into_iter();
+        found.filter(move |row| row.jump > MIN_REGULAR * regular)
+    }
+}
+
+fn largest(changes: &[f64]) -> f64 {
+    changes.iter().fold(0.0, |m: f64, c| m.max(c.abs()))
+}
+
+fn mean(changes: &[f64]) -> f64 {
+    changes.iter().sum::<f64>() / changes.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The lines that are off in a swinging position, to whose row `k` the other is added.
+    fn found(off: impl Fn(usize) -> f64) -> Vec<u64> {
+        let mut finder = BurstFinder::default();
+        for k in 0..2000_usize {
+            let noise = (k * 7919 % 1009) as f64 / 1009.0 - 0.5;
+            let value = (0.01 * k as f64).sin() + 1e-4 * noise + off(k);
+            finder.push(k as u64, value);
+        }
+        finder.finish(0.01).map(|row| row.line).collect()
+    }
+
+    #[test]
+    fn rows_of_a_run_of_any_length_are_off_and_others_are_not() {
+        assert_eq!(found(|_| 0.0), [0; 0]);
+        for (first, length) in [(500, 1), (500, 4), (157, 6), (700, 12)] {
+            let run = first..first + length;
+            let own = run.clone();
+            let expected: Vec<u64> = run.map(|k| k as u64).collect();
+            let jumps = |k: usize| [2.0, -1.5, 2.5, 1.8, -2.0, -2.2][k % 6];
+            assert_eq!(
+                found(|k| if own.contains(&k) { jumps(k) } else { 0.0 }),
+                expected
+            );
+            // a shift, and its return
+            assert_eq!(
+                found(|k| if own.contains(&k) { 2.0 } else { 0.0 }),
+                expected
+            );
+        }
+        // an encoder that loses its count does not come back
+        assert_eq!(found(|k| if k > 600 { 2.0 } else { 0.0 }), [0; 0]);
+        // a motion that starts from rest
+        let start = |k: usize| {
+            if k < 900 {
+                0.0
+            } else {
+                1e-5 * ((k - 900) as f64).powi(2)
+            }
+        };
+        assert_eq!(found(start), [0; 0]);
+    }
+}

@@ -1,0 +1,187 @@
+//! Tries a model on a log as it was read, so that a change of the spec is advised only where it fits
+//! the log better.
+
+use super::grams::Grams;
+use super::words::LogColumns;
+use super::{EffortChange, Reading, Remedy, STATES, Sample, Suspicion, quality};
+use regen_runtime::BaseModel;
+
+/// The factor by which another gravity must reduce the product of errors, as half of it is not an
+/// accident.
+const MIN_GAIN: f64 = 2.0;
+/// A change of the spec may increase the product of errors by this factor if the nominal bodies then
+/// explain the efforts.
+const MAX_LOSS: f64 = 1.05;
+/// The factor by which a change of the spec must reduce what the nominal bodies leave of the efforts.
+const MIN_GAIN_OF_NOMINAL: f64 = 3.0;
+/// The largest part of an effort that the nominal bodies may leave after a change of the spec.
+const MAX_LEFT_BY_NOMINAL: f64 = 0.5;
+/// What is left of the efforts below this is normal, and no other spec is tried.
+const MIN_DOUBTED_ERROR: f64 = 0.03;
+
+/// How well a model fits a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// The error of each equation: rms of the residuals over rms of the efforts about their mean.
+    pub errors: Vec<f64>,
+    /// What the nominal bodies leave of the effort of each equation, over the same; empty where they
+    /// are not known.
+    pub nominal: Vec<f64>,
+}
+
+/// Fits a model to a sample of a log; `None` where the loops do not close or an effort is constant.
+pub fn trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Trial> {
+    of(model, &grams(model, sample)?, &[])
+}
+
+fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Grams> {
+    let every = sample.states.len().div_ceil(STATES).max(1);
+    let plain = Reading::plain(sample.measured.len());
+    Grams::of(model, sample, &plain, every).filter(Grams::closes)
+}
+
+/// The fit with a free constant in some efforts.
+fn of<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, offsets: &[usize]) -> Option<Trial> {
+    let read = Reading::plain(model.info().actuated.len());
+    Some(Trial {
+        errors: grams.fit(&read, offsets)?.errors,
+        nominal: grams
+            .errors_of_nominal(model, &read, offsets)
+            .unwrap_or_default(),
+    })
+}
+
+impl Trial {
+    /// Whether a log may contradict the model, so that it is worth trying others.
+    pub fn is_doubtful(&self) -> bool {
+        self.errors.iter().any(|e| *e > MIN_DOUBTED_ERROR)
+            || self.nominal.iter().any(|e| *e > MAX_LEFT_BY_NOMINAL)
+    }
+
+    /// Whether this explains more than another change: what the nominal bodies leave counts as the
+    /// errors do.
+    pub fn is_better_than(&self, other: &Self) -> bool {
+        let all = |of: &Self| quality(&of.errors) * quality(&of.nominal);
+        all(self) * MAX_LOSS < all(other)
+    }
+
+    /// The factor by which this fits better than another, if that is no accident: it halves the
+    /// errors, or the nominal bodies explain the efforts only so.
+    pub fn gain_over(&self, other: &Self) -> Option<f64> {
+        let gain = quality(&other.errors) / quality(&self.errors);
+        let explained = self.nominal.iter().all(|e| *e < MAX_LEFT_BY_NOMINAL);
+        let nominal = quality(&other.nominal) / quality(&self.nominal);
+        let known = !self.nominal.is_empty() && self.nominal.len() == other.nominal.len();
+        // the nominal bodies tell an effort without its weight, which any fit explains
+        let by_nominal = known && explained && nominal >= MIN_GAIN_OF_NOMINAL;
+        // bodies that fitted before are not those of a robot under another gravity
+        let against = known && nominal < 1.0 / MIN_GAIN;
+        ((gain >= MIN_GAIN && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
+            .then_some(gain * if known { nominal } else { 1.0 })
+    }
+
+    /// The largest error, percent.
+    fn worst(&self) -> f64 {
+        100.0 * self.errors.iter().fold(0.0, |m: f64, e| m.max(*e))
+    }
+}
+
+impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
+    /// The suspicion that a log is that of another spec, which was tried on it.
+    ///
+    /// - `before`, `after`: the fits of both;
+    /// - `advice`: the change of the spec, a sentence without its full stop.
+    pub fn other_spec(
+        &self,
+        what: String,
+        before: &Trial,
+        after: &Trial,
+        advice: String,
+    ) -> Suspicion {
+        let info = self.model.info();
+        let names = info.independent.iter().map(|c| self.name(*c));
+        let errors = before.errors.iter().zip(&after.errors);
+        let efforts = names.zip(errors).map(|(name, (error, changed))| {
+            let [error, changed] = [error, changed].map(|e| 100.0 * e);
+            EffortChange {
+                name,
+                error: Some(error),
+                changed,
+            }
+        });
+        let mut out = self.suspicion(
+            what,
+            Remedy::Read {
+                advice: vec![advice],
+                columns: Vec::new(),
+            },
+        );
+        out.efforts = efforts.collect();
+        out.error = Some(before.worst());
+        out.changed = Some(after.worst());
+        out
+    }
+}
+
+/// The suspicion that efforts lack the weight of the nominal bodies, which a constant explains; `None`
+/// if none does. It is the offset that was tried, and so joints that have one are not named.
+pub fn weightless<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<(Suspicion, Trial)> {
+    let (model, info) = (columns.model, columns.model.info());
+    let grams = grams(model, sample)?;
+    let before = of(model, &grams, &[])?;
+    let has_offset = |k: &usize| {
+        let name = info.actuated.get(*k).map(|c| columns.name(*c));
+        let offset = name.map(|name| {
+            info.parameters
+                .iter()
+                .any(|p| p.is_offset() && p.owner == name)
+        });
+        offset.unwrap_or(true)
+    };
+    let mut offsets: Vec<usize> = Vec::new();
+    let mut now = before.clone();
+    for k in (0..info.actuated.len()).filter(|k| !has_offset(k)) {
+        let mut more = offsets.clone();
+        more.push(k);
+        let Some(found) = of(model, &grams, &more) else {
+            continue;
+        };
+        // friction that differs between both directions takes a constant up
+        let by_nominal = quality(&now.nominal) >= MIN_GAIN_OF_NOMINAL * quality(&found.nominal);
+        let i = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(k));
+        let explained = i
+            .and_then(|i| found.nominal.get(i))
+            .is_some_and(|e| *e < MAX_LEFT_BY_NOMINAL);
+        if by_nominal && explained {
+            (offsets, now) = (more, found);
+        }
+    }
+    if offsets.is_empty() {
+        return None;
+    }
+    let joints: Vec<String> = offsets
+        .iter()
+        .filter_map(|k| info.actuated.get(*k))
+        .map(|c| format!("`{}`", columns.name(*c)))
+        .collect();
+    let names: Vec<String> = offsets
+        .iter()
+        .map(|k| format!("`{}`", columns.effort(*k).column))
+        .collect();
+    let left = |trial: &Trial| {
+        let most = trial.nominal.iter().fold(0.0, |m: f64, e| m.max(*e));
+        100.0 * most
+    };
+    let what = format!(
+        "the weight of the nominal bodies, or another constant, is missing in {}: with an offset \
+         they leave at most {:.0} % of an effort, and {:.0} % without it",
+        names.join(", "),
+        left(&now),
+        left(&before),
+    );
+    let advice = format!("Give {} `offset: true` in the spec", joints.join(" and "));
+    Some((columns.other_spec(what, &before, &now, advice), now))
+}
