@@ -370,18 +370,17 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         pairs.all(|(k, bias)| GROWTH * bias.abs() < NEGLIGIBLE * found.deviations.sigma(k))
     });
     let mut correction = None;
-    let bias: Vec<f64> = match negligible {
-        Some(lower) => lower.bias.iter().map(|bias| GROWTH * bias).collect(),
-        None => {
-            // Huber's weights are of the equations, those of the bias of the efforts alone
-            let without = options.huber.is_none().then_some(&found.factor);
-            let found = noisy.bias(without, |logs| {
-                weighted(session, &weights, !is_linear, logs)
-            });
-            let found = found?;
-            correction = Some(found.correction);
-            found.size
-        }
+    let bias: Vec<f64> = if let Some(lower) = negligible {
+        lower.bias.iter().map(|bias| GROWTH * bias).collect()
+    } else {
+        // Huber's weights are of the equations, those of the bias of the efforts alone
+        let without = options.huber.is_none().then_some(&found.factor);
+        let found = noisy.bias(without, |logs| {
+            weighted(session, &weights, !is_linear, logs)
+        });
+        let found = found?;
+        correction = Some(found.correction);
+        found.size
     };
     let correction = correction.as_ref().unwrap_or(&bias);
     let pairs = found.estimate.values.iter().zip(correction);

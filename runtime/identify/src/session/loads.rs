@@ -83,7 +83,7 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
     };
     let mut free = free;
     session.watch.phase("adding noise to the motion");
-    let biased = add_motion_noise(model, &options, plan, (runs, &logs), &mut free.model);
+    let biased = add_motion_noise((model, &options, plan), runs, &logs, &mut free.model);
     session.watch.finished();
     biased?;
     let reports = logs.iter().flat_map(|own| own.logs().reports().to_vec());
@@ -97,10 +97,9 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
 /// Adds what noise of the measured motion biases to the intervals and the covariance of a fit of gains and
 /// payloads.
 fn add_motion_noise<'m, M: BaseModel<f64> + ?Sized>(
-    model: &'m M,
-    options: &GainOptions,
-    plan: &Plan,
-    (runs, logs): (&[(Run, Option<usize>)], &[MonitoredLogs<'m, M>]),
+    (model, options, plan): (&'m M, &GainOptions, &Plan),
+    runs: &[(Run, Option<usize>)],
+    logs: &[MonitoredLogs<'m, M>],
     found: &mut IdentifiedModel,
 ) -> Result<(), SessionError> {
     let fit = |noisy: &mut [NoisyLogs<'m, M>]| {
@@ -120,9 +119,8 @@ fn add_motion_noise<'m, M: BaseModel<f64> + ?Sized>(
     let bias = bias_of_fit(&logs, fit);
     let mut bias: Vec<f64> = match bias {
         Ok(Some(bias)) => bias,
-        Ok(None) => return Ok(()),
         // the rows that noise is added to, which are fewer, may not determine all
-        Err(SessionError::Gains(_)) => return Ok(()),
+        Ok(None) | Err(SessionError::Gains(_)) => return Ok(()),
         Err(SessionError::Data(error)) if is_undetermined(&error) => return Ok(()),
         Err(error) => return Err(error),
     };

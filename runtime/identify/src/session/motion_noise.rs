@@ -133,7 +133,9 @@ pub(super) fn bias_of_fit<'m, M: BaseModel<f64> + ?Sized, E: From<DataError>>(
         }
     }
     let mut with = |scale: f64| {
-        noisy.iter_mut().for_each(|own| own.disturb(scale));
+        for own in &mut noisy {
+            own.disturb(scale);
+        }
         fit(&mut noisy)
     };
     let (without, added, subtracted) = (with(0.0)?, with(SCALE)?, with(-SCALE)?);
