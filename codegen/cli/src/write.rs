@@ -62,13 +62,12 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
         place.write_all(text.as_bytes())?;
         return place.flush();
     }
-    let behind = match &before {
-        Some(_) => fs::canonicalize(path).ok(),
+    let behind = if before.is_some() {
+        fs::canonicalize(path).ok()
+    } else {
         // a link to a file that does not exist yet
-        None => {
-            let target = fs::read_link(path).ok();
-            target.map(|target| path.parent().unwrap_or(Path::new("")).join(target))
-        }
+        let target = fs::read_link(path).ok();
+        target.map(|target| path.parent().unwrap_or(Path::new("")).join(target))
     };
     let path = behind.as_deref().unwrap_or(path);
     let dir = path.parent().unwrap_or(Path::new(""));

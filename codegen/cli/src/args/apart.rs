@@ -41,7 +41,10 @@ pub(super) fn outputs(parsed: &ArgMatches) -> Result<Vec<PathBuf>, Failure> {
     for (place, (name, path)) in written.iter().enumerate() {
         let own = whole(path);
         let before = written.iter().take(place);
-        if let Some((other, _)) = before.clone().find(|(_, other)| same(&own, other)) {
+        if let Some((other, _)) = before
+            .clone()
+            .find(|(_, other)| same(own.as_deref(), other))
+        {
             return Err(Failure::Usage(format!(
                 "--{other} and --{name} would both write {}: give each a file of its own",
                 path.display()
@@ -58,7 +61,7 @@ pub(crate) fn require_unread<'p>(
     mut read: impl Iterator<Item = &'p Path>,
 ) -> Result<(), Failure> {
     let own = whole(output);
-    match read.find(|other| other.is_file() && same(&own, other)) {
+    match read.find(|other| other.is_file() && same(own.as_deref(), other)) {
         None => Ok(()),
         Some(_) => Err(Failure::Usage(format!(
             "{} would be read and overwritten: write to another file",
@@ -84,6 +87,6 @@ fn whole(path: &Path) -> Option<PathBuf> {
     Some(folder.join(name))
 }
 
-fn same(own: &Option<PathBuf>, other: &Path) -> bool {
-    own.is_some() && *own == whole(other)
+fn same(own: Option<&Path>, other: &Path) -> bool {
+    own.is_some_and(|own| whole(other).as_deref() == Some(own))
 }
