@@ -456,10 +456,19 @@ fn lowest(errors: &[Errors]) -> usize {
 /// weight, Hz, with two digits; with it the index of the closest cutoff that was tried. Where that one is
 /// far worse than the best, the closest that is nearly as good is taken in its place.
 fn central(trials: &[Trial], errors: &[Errors]) -> Option<(f64, usize)> {
+    // where no cutoff leaves enough equations for deviations, only the biases are known
+    let is_known = errors.iter().any(|own| own.sum().is_finite());
+    let sum = |own: &Errors| {
+        if is_known {
+            own.sum()
+        } else {
+            BIAS_WEIGHT * own.bias
+        }
+    };
     let pairs = trials.iter().zip(errors).enumerate();
     let counted: Vec<(usize, f64, f64)> = pairs
-        .filter(|(_, (_, own))| own.sum().is_finite())
-        .map(|(k, (trial, own))| (k, libm::log(trial.cutoff), own.sum()))
+        .map(|(k, (trial, own))| (k, libm::log(trial.cutoff), sum(own)))
+        .filter(|own| own.2.is_finite())
         .collect();
     let least = counted.iter().fold(f64::INFINITY, |m, own| m.min(own.2));
     let (mut weights, mut mean) = (0.0, 0.0);

@@ -76,14 +76,15 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
     let grid = choice.resample.map_or_else(String::new, |rate| {
         format!(", on an even grid of {rate} Hz")
     });
+    let reason = match choice.candidates.len() {
+        0 => "chosen by noise of the motion alone: too few equations".to_owned(),
+        count => format!("the mean of {count} cutoffs by their errors:"),
+    };
     let mut out = field(
         "filter",
         &format!(
-            "--butterworth {},{} --decimate {}{grid}, the mean of {} cutoffs by their errors:",
-            choice.order,
-            choice.cutoff,
-            choice.decimation,
-            choice.candidates.len()
+            "--butterworth {},{} --decimate {}{grid}, {reason}",
+            choice.order, choice.cutoff, choice.decimation,
         ),
     );
     let line = |own: &Candidate| {
