@@ -119,6 +119,8 @@ struct Trial {
     covariance: Vec<f64>,
     bias: Vec<f64>,
     factor: QrFactor,
+    /// See [`MotionBias`](super::motion_noise::MotionBias).
+    signal: Vec<f64>,
     /// Whether an effort has less than three equations for two parameters: it is fitted with its noise, which
     /// then seems smaller than it is.
     is_scarce: bool,
@@ -369,7 +371,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         let mut pairs = lower.bias.iter().enumerate();
         pairs.all(|(k, bias)| GROWTH * bias.abs() < NEGLIGIBLE * found.deviations.sigma(k))
     });
-    let mut correction = None;
+    let (mut correction, mut signal) = (None, found.factor.r().to_vec());
     let bias: Vec<f64> = if let Some(lower) = negligible {
         lower.bias.iter().map(|bias| GROWTH * bias).collect()
     } else {
@@ -380,6 +382,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         });
         let found = found?;
         correction = Some(found.correction);
+        signal = found.signal;
         found.size
     };
     let correction = correction.as_ref().unwrap_or(&bias);
@@ -391,20 +394,31 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         is_scarce: 2 * rows < 3 * count,
         covariance: found.deviations.within_runs().to_vec(),
         factor: found.factor,
+        signal,
     })
 }
 
-/// The errors of all trials in the data of the best one.
+/// The errors of all trials along the motion of the best one.
 fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
-    let Some(factor) = trials.get(best).map(|own| &own.factor) else {
+    let Some(own) = trials.get(best) else {
         return Vec::new();
     };
-    let rows = factor.rows().max(1) as f64;
-    let square = |x: &[f64]| factor.times_r(x).iter().map(|x| x * x).sum::<f64>() / rows;
-    let n = factor.columns();
+    let rows = own.factor.rows().max(1) as f64;
+    let n = own.factor.columns();
+    // motion that is noise is none that efforts are predicted for
+    let times = |x: &[f64]| {
+        let mut out = vec![0.0; n];
+        for (column, value) in own.signal.chunks_exact(n.max(1)).zip(x) {
+            for (sum, entry) in out.iter_mut().zip(column) {
+                *sum += entry * value;
+            }
+        }
+        out
+    };
+    let square = |x: &[f64]| times(x).iter().map(|x| x * x).sum::<f64>() / rows;
     let variance = |covariance: &[f64]| {
-        // the trace of R C R^T: R times the columns of C, then times the rows of that
-        let columns = covariance.chunks_exact(n.max(1)).map(|c| factor.times_r(c));
+        // the trace of S C S^T: S times the columns of C, then times the rows of that
+        let columns = covariance.chunks_exact(n.max(1)).map(times);
         let columns: Vec<Vec<f64>> = columns.collect();
         let mut sum = 0.0;
         for k in 0..n {
@@ -412,7 +426,7 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
                 .iter()
                 .map(|c| c.get(k).copied().unwrap_or(0.0))
                 .collect();
-            sum += factor.times_r(&row).get(k).copied().unwrap_or(0.0);
+            sum += times(&row).get(k).copied().unwrap_or(0.0);
         }
         sum / rows
     };

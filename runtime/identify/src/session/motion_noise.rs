@@ -151,6 +151,8 @@ pub(super) struct MotionBias {
     /// What is to be subtracted from them, SI: as much, but less where most of what determines a
     /// combination of them is noise.
     pub(super) correction: Vec<f64>,
+    /// R without the part of noise: a matrix S with `S^T S = W^T W` less that part, n x n, column-major.
+    pub(super) signal: Vec<f64>,
 }
 
 impl MotionBias {
@@ -191,9 +193,14 @@ impl MotionBias {
             let moved = r.solve_upper_triangular(&moved).ok_or_else(undetermined)?;
             Ok(moved.iter().copied().collect())
         };
+        let mut signal = eigen.eigenvectors.tr_mul(&r);
+        for (mut row, part) in signal.row_iter_mut().zip(eigen.eigenvalues.iter()) {
+            row *= (1.0 - part).max(0.0).sqrt();
+        }
         Ok(Self {
             size: bias(MAX_NOISE_PART)?,
             correction: bias(MAX_CORRECTED_PART)?,
+            signal: signal.as_slice().to_vec(),
         })
     }
 }
