@@ -111,7 +111,7 @@ impl Deviations {
             let what = if own.are_runs {
                 "runs"
             } else {
-                "parts of the run"
+                "parts of the log"
             };
             format!(
                 "; and what differs between {} {what}, by which they are {:.1} times larger",
@@ -140,6 +140,7 @@ impl Deviations {
             degrees_of_freedom: vec![degrees_of_freedom; n],
             root: root_of(&covariance, n),
             covariance,
+            between: None,
             ..self.clone()
         }
     }
