@@ -78,7 +78,7 @@ pub(crate) fn bias_remedy(
     filter: Option<&Choice>,
 ) -> Result<Option<BiasRemedy>, Failure> {
     let before = biased(file);
-    if before == 0 || args.logs.is_empty() || args.iv {
+    if before == 0 || args.logs.is_empty() {
         return Ok(None);
     }
     let session = identify::session(args, model);

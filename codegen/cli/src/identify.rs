@@ -107,10 +107,13 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     } else {
         solve(args, &model)?
     };
-    if !has_loads && !simulates {
-        let remedy = choice::bias_remedy(args, &model, &json.file, filter.as_ref())?;
-        json.summary.bias_remedy = remedy;
-        json.summary.relative_absolute_without_delays = delay::tried(args, &model, &json.summary)?;
+    // what least squares would gain is no advice for another model, and a remedy that fails is none
+    let is_least_squares = !(args.iv || args.physical.wanted() || args.physical.reduce);
+    if !has_loads && !simulates && is_least_squares {
+        let remedy = choice::bias_remedy(args, &model, &json.file, filter.as_ref());
+        json.summary.bias_remedy = remedy.ok().flatten();
+        let tried = delay::tried(args, &model, &json.summary);
+        json.summary.relative_absolute_without_delays = tried.ok().flatten();
     }
     json.file.filter.clone_from(&filter);
     identified.provenance.filter = filter;
