@@ -50,6 +50,9 @@ pub enum Method {
 
 /// Ratio of the cutoff frequency of the states' filter to that of the equations' filter.
 pub const WIDER: f64 = 3.0;
+/// The lowest order of the filter of states: one of the second order takes 1.2 percent off a motion at the
+/// equations' cutoff, this one 0.015 percent.
+const MIN_STATES_ORDER: usize = 4;
 /// The highest cutoff frequency of a filter of states over the sampling rate.
 const MAX_CUTOFF_RATIO: f64 = 0.4;
 /// The smallest half width of a local regression over states, in samples.
@@ -279,7 +282,7 @@ impl Method {
     pub fn of_states(&self, step: f64) -> Self {
         match *self {
             Self::Butterworth { order, cutoff } => Self::Butterworth {
-                order,
+                order: order.max(MIN_STATES_ORDER),
                 cutoff: (WIDER * cutoff).min(MAX_CUTOFF_RATIO / step).max(cutoff),
             },
             Self::Local { half_width } => Self::Local {
