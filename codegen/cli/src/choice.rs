@@ -9,7 +9,7 @@ use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::BiasRemedy;
 
-use crate::args::{IdentifyArgs, ReadingArgs};
+use crate::args::{IdentifyArgs, ReadingArgs, VelocitiesArg};
 use crate::exit::Failure;
 
 use crate::{identify, load, loads, observe};
@@ -64,6 +64,9 @@ pub(crate) fn pin(choice: &Choice, reading: &mut ReadingArgs) {
         reading.decimate = Some(choice.decimation);
     }
     reading.resample = settings.resample.or(choice.resample);
+    if settings.measured_rates.is_none() && choice.velocities.is_some_and(|own| own.are_computed) {
+        reading.velocities = Some(VelocitiesArg::Computed);
+    }
 }
 
 /// What leaves fewer values biased than the result of least squares does, tried on the same logs: the

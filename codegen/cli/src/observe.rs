@@ -130,7 +130,7 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     settings.episode = reading.episode.or(settings.episode);
     settings.resample = reading.resample.or(settings.resample);
     if let Some(velocities) = reading.velocities {
-        settings.measured_rates = velocities == VelocitiesArg::Measured;
+        settings.measured_rates = Some(velocities == VelocitiesArg::Measured);
     }
     settings.is_method_given |= reading.no_filter
         || reading.fourier.is_some()

@@ -27,7 +27,8 @@ moves with rests between them), `sweep` (sines of rising frequency).
 
 Noise is that of the positions, several kinds joined by `+`: `white:1e-5` (standard deviation, rad or m),
 `steps:1e-4` (an encoder's steps), `jitter:0.3` (each row is measured at an instant off its time by this
-standard deviation, in samples), `cjitter:0.3` (the same, correlated over about 15 rows), `none`. The
+standard deviation, in samples), `cjitter:0.3` (the same, correlated over about 15 rows), `none`. `vel:1e-3` logs
+velocities too, with white noise of this deviation, and `vlag:2` lets them lag by so many samples. The
 efforts have white noise of --effort times their rms.
 
 A cell's figures: `error`, the rms of W (b - truth) over that of the efforts on another motion of the same
@@ -67,6 +68,7 @@ ROBOTS = "puma560,scara+friction,tree_branch,fork+friction+rotor,fivebar,3rps,3r
     "fourbar+friction"
 NOISE = "white:1e-7,white:1e-6,white:1e-5,white:1e-4,white:1e-3,steps:1e-6,steps:1e-5,steps:1e-4,steps:1e-3," \
     "jitter:0.1,jitter:0.3,jitter:1,cjitter:0.1,cjitter:0.3,cjitter:1"
+SLOPE = 1e-4  # s on either side of an instant at which its velocity is computed
 MEMORY = 15  # rows over which the jitter of `cjitter` is correlated
 WRONG = 4  # standard deviations
 LOGS = 8  # of each robot in `check`
@@ -81,14 +83,14 @@ def parts(noise):
     out = {}
     for word in noise.split("+"):
         kind, _, size = word.partition(":")
-        if kind not in ("white", "steps", "jitter", "cjitter", "none"):
+        if kind not in ("white", "steps", "jitter", "cjitter", "vel", "vlag", "none"):
             raise SystemExit(f"no noise is called {kind}")
         out[kind] = float(size or 0)
     return out
 
 
 def rows(run, rate, noise, effort, random):
-    """Times, measured positions and measured efforts."""
+    """Times, measured positions, measured velocities (none unless noise names them) and efforts."""
     sizes = parts(noise)
     t = np.arange(int(round(run.motion.time * rate))) / rate
     off = sizes.get("jitter", 0) * random.normal(size=len(t))
@@ -107,13 +109,19 @@ def rows(run, rate, noise, effort, random):
         zero = random.uniform(0, step, q.shape[1])
         q = np.round((q - zero) / step) * step + zero
     z = z + effort * np.sqrt(np.mean(z**2, axis=0)) * random.normal(size=z.shape)
-    return t, q, z
+    if "vel" not in sizes:
+        return t, q, np.empty((len(t), 0)), z
+    late = instants - sizes.get("vlag", 0) / rate
+    late = np.clip(late, SLOPE - motions.MARGIN, run.motion.time + motions.MARGIN - SLOPE)
+    slope = (run.at(late + SLOPE)[0] - run.at(late - SLOPE)[0]) / (2 * SLOPE)
+    return t, q, slope + sizes["vel"] * random.normal(size=q.shape), z
 
 
-def write(path, run, t, q, z):
+def write(path, run, t, q, v, z):
     names = run.robot.names_independent
-    head = ",".join(["t", *names, *(f"tau_{c}" for c in names)])
-    np.savetxt(path, np.column_stack([t, q, z]), delimiter=",", comments="", fmt="%.12g", header=head)
+    rates = [f"qd_{c}" for c in names] if v.shape[1] else []
+    head = ",".join(["t", *names, *rates, *(f"tau_{c}" for c in names)])
+    np.savetxt(path, np.column_stack([t, q, v, z]), delimiter=",", comments="", fmt="%.12g", header=head)
 
 
 # regen -----------------------------------------------------------------------------------------

@@ -177,7 +177,7 @@ impl LogFile {
         let search = Search {
             assignments: &settings.columns,
             by_rate: settings.rate.is_some(),
-            rates: settings.measured_rates,
+            rates: settings.measured_rates.unwrap_or(true),
             join: run.join,
         };
         let mut found = layout(&tables, search).map_err(|unfit| unfit.of(&name))?;

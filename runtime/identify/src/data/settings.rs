@@ -23,8 +23,9 @@ pub struct Settings {
     pub rate: Option<f64>,
     /// The rate of an even grid of times, Hz, onto which the rows are interpolated.
     pub resample: Option<f64>,
-    /// Whether columns of measured velocities and accelerations are used.
-    pub measured_rates: bool,
+    /// Whether columns of measured velocities and accelerations are used; `None` if they are unless the
+    /// choice from the logs finds those computed from the positions better.
+    pub measured_rates: Option<bool>,
     /// How positions are differentiated, and what filter efforts and regressor pass. Measured
     /// velocities pass the filter of the positions, and accelerations are their derivative; with a
     /// Fourier series, velocities and accelerations are those of the series of the positions. Where
@@ -64,7 +65,7 @@ impl Default for Settings {
             episode: None,
             rate: None,
             resample: None,
-            measured_rates: true,
+            measured_rates: None,
             method: Method::Central,
             is_method_given: false,
             policy: Policy::Fail,

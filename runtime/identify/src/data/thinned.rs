@@ -84,6 +84,20 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         Ok(all)
     }
 
+    /// The rows in memory without measured velocities and accelerations; `None` if none are measured, or
+    /// some logs have all derivatives.
+    pub(crate) fn without_rates(&self) -> Option<Self> {
+        let has_rates = |log: &Log| {
+            let layout = &log.file.layout;
+            layout.velocities.iter().any(Option::is_some)
+        };
+        let are_all = |log: &Log| log.file.layout.derivatives;
+        if self.files.iter().any(are_all) || !self.files.iter().any(has_rates) {
+            return None;
+        }
+        Some(self.with_files(self.files.iter().map(without_rates).collect()))
+    }
+
     /// The rows in memory with white noise added to all columns of the motion.
     ///
     /// - `scale`: the factor of the noise; with the opposite sign the same noise is subtracted;
@@ -163,6 +177,23 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
 
 /// The seed of added noise: the same log gives the same result on every machine.
 const SEED: u64 = 0x006e_6f69_7365;
+
+/// A log in memory without its columns of velocities and accelerations.
+fn without_rates(log: &Log) -> Log {
+    let mut out = log.clone();
+    let layout = &mut out.file.layout;
+    let rates = layout.positions().end..layout.efforts().start;
+    layout.channels.drain(rates.clone());
+    layout.velocities.fill(None);
+    layout.accelerations.fill(None);
+    for own in &mut out.velocity_noise {
+        *own = Differences::default().finish();
+    }
+    for row in out.kept.iter_mut().flatten().flatten() {
+        row.values.drain(rates.clone());
+    }
+    out
+}
 
 /// One of `every` rows of a log, behind a low-pass filter.
 fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {

@@ -26,7 +26,9 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Process {
         format: format(root, sink),
         rate: root.get("rate").and_then(Node::number),
         resample: number("resample"),
-        measured_rates: of("velocities").and_then(Node::text) != Some("computed"),
+        measured_rates: of("velocities")
+            .and_then(Node::text)
+            .map(|word| word != "computed"),
         method: of("filter").and_then(method).unwrap_or(Method::Central),
         is_method_given: of("filter").is_some(),
         decimation: of("decimate").and_then(count).unwrap_or(1),

@@ -136,7 +136,7 @@ runs:
         episode: None,
         rate: Some(200.0),
         resample: Some(100.0),
-        measured_rates: false,
+        measured_rates: Some(false),
         method: Method::Local { half_width: 0.05 },
         is_method_given: true,
         policy: Policy::Drop,

@@ -14,6 +14,8 @@
 //! what generalised least squares would do. On simulated logs it is more accurate at its best cutoff
 //! than the fourth order at its own, and depends less on the cutoff.
 
+use std::borrow::Borrow;
+
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 
@@ -52,6 +54,9 @@ const CHANCE: f64 = 4.0;
 const BETTER: f64 = 0.03;
 /// Cutoffs with at most this many times the smallest mean square error may be chosen.
 const AS_GOOD: f64 = 1.7;
+/// Velocities computed from the positions are taken in place of measured ones if their mean square error is
+/// below this part of that of the measured ones.
+const COMPUTED_BELOW: f64 = 0.7;
 /// So many cutoffs in a row that are not better than the best one end the search.
 const PATIENCE: usize = 4;
 
@@ -70,6 +75,20 @@ pub struct Candidate {
     pub apart: f64,
 }
 
+/// Measured velocities beside those computed from the positions, behind the same filter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct VelocityChoice {
+    /// Whether velocities are computed from the positions.
+    pub are_computed: bool,
+    /// The error of the predicted efforts with measured velocities, rms, percent of the efforts: that of a
+    /// [`Candidate`], and by how much they differ from those with computed velocities beyond what the
+    /// deviations of both explain.
+    pub measured: f64,
+    /// The same with computed velocities.
+    pub computed: f64,
+}
+
 /// How the positions of logs are differentiated: a zero-phase Butterworth filter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -83,13 +102,16 @@ pub struct Choice {
     /// The rate of the even grid that rows with an uneven clock are interpolated onto, Hz.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resample: Option<f64>,
+    /// Which velocities are used, where some are measured and those computed determine the parameters too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocities: Option<VelocityChoice>,
     /// All cutoffs that were tried, in rising order.
     #[serde(default)]
     pub candidates: Vec<Candidate>,
 }
 
 impl Choice {
-    /// The settings with this choice; a decimation or an even grid that is given stays.
+    /// The settings with this choice; a decimation, an even grid or velocities that are given stay.
     #[must_use]
     pub fn applied(&self, settings: &Settings) -> Settings {
         Settings {
@@ -99,6 +121,10 @@ impl Choice {
                 given => given,
             },
             resample: settings.resample.or(self.resample),
+            measured_rates: match self.velocities {
+                Some(own) if own.are_computed => settings.measured_rates.or(Some(false)),
+                _ => settings.measured_rates,
+            },
             ..settings.clone()
         }
     }
@@ -177,10 +203,20 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
             logs = Logs::open(session.model, runs, &even)?.in_memory(MAX_ROWS)?;
             found = search(session, &logs);
         }
-        Ok(Some((found?, logs, resample)))
+        let mut found = found?;
+        let mut velocities = None;
+        if reading.measured_rates.is_none()
+            && let Some(without) = logs.without_rates()
+        {
+            velocities = velocity_choice(session, &found, &without)?;
+            if velocities.is_some_and(|own| own.are_computed) {
+                (found, logs) = (search(session, &without)?, without);
+            }
+        }
+        Ok(Some((found, logs, resample, velocities)))
     });
     session.watch.finished();
-    let Some((search, logs, resample)) = found? else {
+    let Some((search, logs, resample, velocities)) = found? else {
         return Ok(None);
     };
     let Some((cutoff, place)) = search.chosen else {
@@ -209,8 +245,53 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
         cutoff,
         decimation: whole(rate / (EQUATION_RATE * cutoff)),
         resample,
+        velocities,
         candidates: candidates.collect(),
     }))
+}
+
+/// Compares measured velocities with those computed from the positions, at the chosen cutoff and lower ones,
+/// as long as these are better: differences of positions have more noise at high frequencies; `None` where the computed ones do not determine the parameters.
+///
+/// - `without`: the logs without measured velocities.
+fn velocity_choice<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    found: &Search,
+    without: &Logs<'_, M>,
+) -> Result<Option<VelocityChoice>, DataError> {
+    let Some(measured) = found.chosen.and_then(|(_, place)| found.trials.get(place)) else {
+        return Ok(None);
+    };
+    let efforts = mean_square(&measured.factor);
+    let (levels, rate) = (without.noise_levels(), rate_of(without));
+    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    let mut best: Option<VelocityChoice> = None;
+    let cutoffs = found.trials.iter().map(|own| own.cutoff);
+    let mut lower: Vec<f64> = cutoffs.filter(|own| *own <= measured.cutoff).collect();
+    lower.reverse();
+    for cutoff in lower {
+        let computed = match trial(session, without, &levels, (cutoff, rate), None) {
+            Ok(found) => found,
+            Err(error) if is_undetermined(&error) => continue,
+            Err(error) => return Err(error),
+        };
+        // positions belong to the geometry: where both differ, the measured velocities are wrong
+        let errors = all_errors(&[&computed, measured], 1);
+        let [computed, measured] = [0, 1].map(|k| errors.get(k).map_or(f64::INFINITY, |own| own.sum()));
+        if !(computed + measured).is_finite() {
+            continue;
+        }
+        let own = VelocityChoice {
+            are_computed: computed < COMPUTED_BELOW * measured,
+            measured: percent(measured),
+            computed: percent(computed),
+        };
+        if best.is_some_and(|best| best.computed <= own.computed) {
+            break;
+        }
+        best = Some(own);
+    }
+    Ok(best)
 }
 
 /// Opens logs as they are or, where gaps divide them or prevent that, as a filter would bridge them, on an
@@ -399,8 +480,8 @@ fn trial<M: BaseModel<f64> + ?Sized>(
 }
 
 /// The errors of all trials along the motion of the best one.
-fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
-    let Some(own) = trials.get(best) else {
+fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Errors> {
+    let Some(own) = trials.get(best).map(T::borrow) else {
         return Vec::new();
     };
     let rows = own.factor.rows().max(1) as f64;
@@ -431,9 +512,9 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
         sum / rows
     };
     // where no cutoff leaves enough equations, all are compared as they are
-    let all_scarce = trials.iter().all(|own| own.is_scarce);
+    let all_scarce = trials.iter().all(|own| own.borrow().is_scarce);
     let mut all: Vec<Errors> = Vec::with_capacity(trials.len());
-    for trial in trials {
+    for trial in trials.iter().map(T::borrow) {
         let mut own = Errors {
             variance: if trial.is_scarce && !all_scarce {
                 f64::INFINITY
@@ -444,6 +525,7 @@ fn all_errors(trials: &[Trial], best: usize) -> Vec<Errors> {
             apart: 0.0,
         };
         for (lower, errors) in trials.iter().zip(&all) {
+            let lower = lower.borrow();
             let difference: Vec<f64> = (trial.values.iter().zip(&lower.values))
                 .map(|(a, b)| a - b)
                 .collect();

@@ -322,7 +322,7 @@ fn measured_velocities_alone_are_used_and_differentiated_once() {
     };
     settings.standstill = regen_identify::identify::Standstill::Keep;
     let measured = error(&settings);
-    settings.measured_rates = false;
+    settings.measured_rates = Some(false);
     let computed = error(&settings);
     assert!(measured < 2e-3 && computed > 0.1, "{measured} {computed}");
     settings.method = Method::Butterworth {
@@ -330,7 +330,7 @@ fn measured_velocities_alone_are_used_and_differentiated_once() {
         cutoff: 8.0,
     };
     let computed = error(&settings);
-    settings.measured_rates = true;
+    settings.measured_rates = Some(true);
     let measured = error(&settings);
     assert!(
         measured < 1e-3 && measured < computed,

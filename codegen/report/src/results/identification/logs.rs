@@ -114,6 +114,17 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
     for own in shown.into_iter().filter_map(|k| choice.candidates.get(k)) {
         out.push_str(&field("", &line(own)));
     }
+    if let Some(own) = choice.velocities {
+        let (measured, computed) = (share(own.measured), share(own.computed));
+        let used = if own.are_computed { "computed from the positions" } else { "measured" };
+        out.push_str(&field(
+            "velocities",
+            &format!(
+                "{used}: measured ones leave an error of {measured} % of the efforts, computed ones \
+                 {computed} %"
+            ),
+        ));
+    }
     out
 }
 
