@@ -10,6 +10,8 @@ use crate::qr_update::{BLOCK, reduce, reduce_by_pairs, substitute};
 /// Singular values are computed unless the bound of the condition number is below this part of
 /// the one at which the rank is no longer full.
 const SURE_PART: f64 = 0.01;
+/// A column that is smaller than this part of the largest one is zero but for rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// The system W x = tau (Eq. 12) after an orthogonal transformation from the left:
 /// `||W x - tau||^2 = ||R x - z||^2 + rss` for every x.
@@ -153,6 +155,15 @@ impl QrFactor {
     /// [`from_parts`](Self::from_parts) received another one.
     pub fn r(&self) -> &[f64] {
         &self.r
+    }
+
+    /// The number of columns of the rows that are not zero but for rounding.
+    pub(crate) fn contained(&self) -> usize {
+        let square = |column: &[f64]| column.iter().map(|x| x * x).sum::<f64>();
+        let squares: Vec<f64> = self.r.chunks_exact(self.columns().max(1)).map(square).collect();
+        let largest = squares.iter().fold(0.0, |m: f64, own| m.max(*own));
+        let parts = squares.iter().filter(|own| **own > ROUNDING * ROUNDING * largest);
+        parts.count()
     }
 
     /// z: the right side of R x = z, n entries.

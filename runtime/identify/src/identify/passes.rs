@@ -95,6 +95,8 @@ pub struct Identified {
     /// The QR factor whose solution the estimate is: the equations of all efforts with the weights
     /// of the efforts and, with [`Options::huber`], Huber's weights.
     pub factor: QrFactor,
+    /// For each effort, the number of parameters that its equations contain.
+    pub contained: Vec<usize>,
     /// The standard deviations that account for the residuals' correlation in time.
     pub deviations: Deviations,
     /// The scores that the deviations are computed from, for estimates of some of the parameters
@@ -510,6 +512,7 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         errors: efforts,
         estimate,
         factor,
+        contained: plain.factors().iter().map(QrFactor::contained).collect(),
         correlation_length: given_bandwidth.unwrap_or_else(|| samples_per_independent_one(&blocks)),
         deviations,
         blocks,

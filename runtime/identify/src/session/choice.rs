@@ -147,8 +147,8 @@ struct Trial {
     factor: QrFactor,
     /// See [`MotionBias`](super::motion_noise::MotionBias).
     signal: Vec<f64>,
-    /// Whether an effort has less than three equations for two parameters: it is fitted with its noise, which
-    /// then seems smaller than it is.
+    /// Whether an effort has less than three equations for two of the parameters in them: it is fitted with its
+    /// noise, which then seems smaller than it is.
     is_scarce: bool,
 }
 
@@ -446,8 +446,8 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         with_linear_friction(session.model, &options, &mut noisy)?
     };
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-    let rows = found.estimate.efforts.iter().map(|effort| effort.rows);
-    let (rows, count) = (rows.min().unwrap_or(0), found.estimate.values.len());
+    let mut efforts = found.estimate.efforts.iter().zip(&found.contained);
+    let is_scarce = efforts.any(|(effort, parameters)| 2 * effort.rows < 3 * parameters);
     let negligible = lower.filter(|lower| {
         let mut pairs = lower.bias.iter().enumerate();
         pairs.all(|(k, bias)| GROWTH * bias.abs() < NEGLIGIBLE * found.deviations.sigma(k))
@@ -472,7 +472,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         cutoff,
         values: pairs.map(|(x, bias)| x - bias).collect(),
         bias,
-        is_scarce: 2 * rows < 3 * count,
+        is_scarce,
         covariance: found.deviations.within_runs().to_vec(),
         factor: found.factor,
         signal,
