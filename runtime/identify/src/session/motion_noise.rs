@@ -26,6 +26,9 @@ const SCALE: f64 = 0.5;
 const MAX_NOISE_PART: f64 = 0.95;
 /// The same for the correction of the values: a larger one is not known well enough.
 const MAX_CORRECTED_PART: f64 = 0.5;
+/// A correction is at most as large as what it corrects, or its deviation: few equations give larger ones by
+/// chance.
+const FURTHEST: f64 = 1.0;
 
 /// Logs to whose motion noise is added, with the rests of the motion without it: other equations that are
 /// left out would move the parameters by more than the noise does.
@@ -63,9 +66,11 @@ impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
     /// Logs as they are read, as far as they fit into memory, thinned as far as their filter allows; `None`
     /// where no motion is differentiated.
     ///
+    /// - `decimates`: whether equations are thinned too.
+    ///
     /// # Errors
     /// When a log cannot be read.
-    fn of_read(logs: &Logs<'m, M>) -> Result<Option<Self>, DataError> {
+    fn of_read(logs: &Logs<'m, M>, decimates: bool) -> Result<Option<Self>, DataError> {
         if !logs.is_differentiated() {
             return Ok(None);
         }
@@ -76,11 +81,14 @@ impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
             .map(|(step, _)| *step)
             .fold(f64::INFINITY, f64::min);
         let method = logs.settings().method;
-        let (cutoff, [every, decimation]) = match method {
+        let (cutoff, [every, mut decimation]) = match method {
             Method::Butterworth { cutoff, .. } => (cutoff, rates(1.0 / step, cutoff)),
             Method::Local { half_width } => (0.5 / half_width, [1, 1]),
             _ => (OF_DIFFERENCES / step, [1, 1]),
         };
+        if !decimates {
+            decimation = 1;
+        }
         let thinned = kept.thinned(method, every, decimation)?;
         Ok(Some(Self::new(&thinned, &kept.noise_levels(), cutoff)))
     }
@@ -127,7 +135,7 @@ pub(super) fn bias_of_fit<'m, M: BaseModel<f64> + ?Sized, E: From<DataError>>(
 ) -> Result<Option<Vec<f64>>, E> {
     let mut noisy = Vec::new();
     for own in logs {
-        match NoisyLogs::of_read(own)? {
+        match NoisyLogs::of_read(own, true)? {
             Some(found) => noisy.push(found),
             None => return Ok(None),
         }
@@ -158,6 +166,8 @@ pub(super) struct MotionBias {
 impl MotionBias {
     /// From the weighted factor of a log, and those with noise that was added and subtracted.
     fn new(without: &QrFactor, noisy: [&QrFactor; 2]) -> Result<Self, DataError> {
+        // the part of a log that noise is added to may determine less than all of it
+        without.solve()?;
         let n = without.columns();
         let square = |own: &QrFactor| DMatrix::from_column_slice(n, n, own.r());
         let right = |own: &QrFactor| DVector::from_column_slice(own.z());
@@ -184,10 +194,16 @@ impl MotionBias {
         let eigen = SymmetricEigen::new(part);
         let z = right(without);
         let along = eigen.eigenvectors.tr_mul(&(&z - moment));
-        // the parameters' values without noise, where its part is at most so large
-        let bias = |most: f64| -> Result<Vec<f64>, DataError> {
-            let pairs = along.iter().zip(eigen.eigenvalues.iter());
-            let scaled = pairs.map(|(x, part)| x / (1.0 - part.min(most)));
+        let measured = eigen.eigenvectors.tr_mul(&z);
+        // the parameters' values without noise, where its part is at most so large, and moved by at most
+        // `furthest` times the measured value and so many deviations
+        let bias = |most: f64, furthest: f64| -> Result<Vec<f64>, DataError> {
+            let pairs = along.iter().zip(eigen.eigenvalues.iter()).zip(&measured);
+            let scaled = pairs.map(|((x, part), measured)| {
+                let bound = furthest * measured.abs().max(1.0);
+                let scaled = x / (1.0 - part.min(most));
+                scaled.clamp(measured - bound, measured + bound)
+            });
             let scaled = DVector::from_iterator(n, scaled);
             let moved = &z - &eigen.eigenvectors * scaled;
             let moved = r.solve_upper_triangular(&moved).ok_or_else(undetermined)?;
@@ -198,8 +214,8 @@ impl MotionBias {
             row *= (1.0 - part).max(0.0).sqrt();
         }
         Ok(Self {
-            size: bias(MAX_NOISE_PART)?,
-            correction: bias(MAX_CORRECTED_PART)?,
+            size: bias(MAX_NOISE_PART, f64::INFINITY)?,
+            correction: bias(MAX_CORRECTED_PART, FURTHEST)?,
             signal: signal.as_slice().to_vec(),
         })
     }
@@ -295,11 +311,15 @@ pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
     with_friction: bool,
 ) -> Result<Option<MotionBias>, DataError> {
     let factor = |logs: &mut NoisyLogs<'_, M>| weighted(session, weights, with_friction, logs);
-    let noisy = NoisyLogs::of_read(logs);
-    match noisy.and_then(|own| own.map(|own| own.bias(None, factor)).transpose()) {
-        Err(error) if is_undetermined(&error) => Ok(None),
-        other => other,
+    // few equations determine the parameters only with all of them
+    for decimates in [true, false] {
+        let noisy = NoisyLogs::of_read(logs, decimates);
+        match noisy.and_then(|own| own.map(|own| own.bias(None, factor)).transpose()) {
+            Err(error) if is_undetermined(&error) => {}
+            other => return other,
+        }
     }
+    Ok(None)
 }
 
 /// How many rows at a rate in Hz there are to one that a filter with this cutoff needs, and how many of
