@@ -10,7 +10,7 @@ use crate::constraints::{HomeProblem, agreement};
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 use crate::kinematics::Frames;
 use crate::model::Model;
-use crate::spec::Spec;
+use crate::spec::{CutKind, Spec};
 use crate::sym::Graph;
 use crate::sym::eval::Evaluator;
 
@@ -169,7 +169,15 @@ pub(crate) fn check_alignment_at_home(
                 )
                 .path(format!("cut '{}'", cut.name))
                 .label("axes of A and B point in opposite directions")
-                .hint("turn one of the frames by its rpy, or start from another home"),
+                .hint(match cut.kind {
+                    CutKind::Fixed | CutKind::Prismatic => {
+                        "turn one of the frames by its rpy, or start from another home"
+                    }
+                    _ => {
+                        "add pi to the first angle of the rpy of A or of B, which turns that frame half a turn \
+                         about its x axis, or start from another home"
+                    }
+                }),
             );
         }
     }

@@ -98,3 +98,33 @@ fn a_mechanism_that_does_not_close_is_an_error_of_its_spec() {
     let run = regen(&dir, &["check", "nowhere.yaml"]).ended(3);
     assert!(run.err.contains("there is no `home`"), "{}", run.err);
 }
+
+#[test]
+fn a_cut_whose_axes_are_opposite_at_home_is_refused_with_what_turns_them() {
+    let dir = scratch("check-opposite-axes");
+    let text = std::fs::read_to_string(root().join("robots/fivebar.yaml")).unwrap();
+    for joint in ["revolute", "cylindrical"] {
+        let file = format!("{joint}.yaml");
+        let write = |second: &str| {
+            let cut = format!(
+                "joint: {joint}, between: [{{body: 2, xyz: [l2, 0, 0]}}, {{body: 4, xyz: [l2, 0, 0], rpy: [{second}, 0, 0]}}]"
+            );
+            let before =
+                "joint: revolute, between: [{body: 2, xyz: [l2, 0, 0]}, {body: 4, xyz: [l2, 0, 0]}]";
+            assert!(text.contains(before));
+            std::fs::write(dir.join(&file), text.replace(before, &cut)).unwrap();
+        };
+        write("pi");
+        let run = regen(&dir, &["check", &file]).ended(3);
+        for words in [
+            "axes of A and B point in opposite directions",
+            "cut 'tip'",
+            "add pi to the first angle of the rpy",
+        ] {
+            assert!(run.err.contains(words), "{words}\n{}", run.err);
+        }
+        // what the message says
+        write("pi + pi");
+        regen(&dir, &["verify", &file]).ended(0);
+    }
+}

@@ -131,11 +131,13 @@ pub fn agreement(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut) -> Ve
         }
         CutKind::Helical => {
             let screw = screw(g, frames, cut, [&a, &b]);
-            screw.iter().map(|s| s.agreement(g)).collect()
+            let turn = screw.iter().map(|s| s.agreement(g));
+            let mut all: Vec<Ex> = turn.collect();
+            all.push(g.dot3(&a.axes[2], &b.axes[2]));
+            all
         }
-        CutKind::Spherical | CutKind::Universal | CutKind::Revolute | CutKind::Cylindrical => {
-            Vec::new()
-        }
+        CutKind::Revolute | CutKind::Cylindrical => vec![g.dot3(&a.axes[2], &b.axes[2])],
+        CutKind::Spherical | CutKind::Universal => Vec::new(),
     }
 }
 
