@@ -1283,7 +1283,7 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
 pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
     let proto = q[0];
     let mut dq_e = [proto.splat(0.0); 8];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -1946,7 +1946,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
 pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<T>) {
     let proto = q[0];
     let mut qd = [proto.splat(0.0); 11];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd_i]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -2385,7 +2385,7 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
 pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([T; 11], Condition<T>) {
     let proto = q[0];
     let mut qdd = [proto.splat(0.0); 11];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd_i]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -3137,7 +3137,7 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 70]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -4515,7 +4515,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -5509,7 +5509,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
 pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -6171,7 +6171,7 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
 pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -7562,7 +7562,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
 pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 3]; 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -8483,7 +8483,7 @@ pub fn adaptive_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
 #[inline(always)]
 pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qd_r, qdd_r]).pivot;
     let mut kept = [proto; 356];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
@@ -11547,12 +11547,13 @@ pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[
 pub fn generalized_forces<T: Scalar>(q: &[T; 11], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut left = [proto.splat(0.0); 3];
+    let condition = Condition::of_state(proto, &[q]);
     let [tau_q1, tau_q2, tau_q3] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q1; left[1] = tau_q2; left[2] = tau_q3;
     }
-    (left, Condition::regular(proto))
+    (left, condition)
 }
 
 /// Where the bodies are.
@@ -11786,7 +11787,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 34]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -13005,7 +13006,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 36]) -> [T; 70
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -13792,7 +13793,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
 pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -14384,7 +14385,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
 pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -15608,7 +15609,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 3]; 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [

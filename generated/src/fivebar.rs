@@ -411,7 +411,7 @@ pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
 pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut dq_e = [proto.splat(0.0); 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -504,7 +504,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 2]; 2] {
 pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
     let proto = q[0];
     let mut qd = [proto.splat(0.0); 4];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd_i]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -575,7 +575,7 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
     let proto = q[0];
     let mut qdd = [proto.splat(0.0); 4];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd_i]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -703,7 +703,7 @@ pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -877,7 +877,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -1024,7 +1024,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -1140,7 +1140,7 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
@@ -1300,7 +1300,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
 pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 2]; 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
@@ -1452,7 +1452,7 @@ pub fn adaptive_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
 #[inline(always)]
 pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qd_r, qdd_r]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -1700,12 +1700,13 @@ pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T;
 pub fn generalized_forces<T: Scalar>(q: &[T; 4], tau: &[T; 2]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut left = [proto.splat(0.0); 2];
+    let condition = Condition::of_state(proto, &[q]);
     let [tau_q1, tau_q3] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q1; left[1] = tau_q3;
     }
-    (left, Condition::regular(proto))
+    (left, condition)
 }
 
 /// Where the bodies are.
@@ -1787,7 +1788,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -2055,7 +2056,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -2195,7 +2196,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
 pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -2304,7 +2305,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
 pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
@@ -2455,7 +2456,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 2]; 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {

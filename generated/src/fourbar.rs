@@ -352,7 +352,7 @@ pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
 pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
     let proto = q[0];
     let mut dq_e = [proto.splat(0.0); 2];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2, sin_q1_q2, cos_q1_q2] = {
@@ -434,7 +434,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
 pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut qd = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd_i]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
@@ -492,7 +492,7 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut qdd = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd_i]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
@@ -589,7 +589,7 @@ pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -704,7 +704,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 1];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -809,7 +809,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 1];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -894,7 +894,7 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 1];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
@@ -1013,7 +1013,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
 pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 1]; 1];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3] = {
@@ -1119,7 +1119,7 @@ pub fn adaptive_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
 #[inline(always)]
 pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qd_r, qdd_r]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -1303,12 +1303,13 @@ pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T;
 pub fn generalized_forces<T: Scalar>(q: &[T; 3], tau: &[T; 1]) -> ([T; 1], Condition<T>) {
     let proto = q[0];
     let mut left = [proto.splat(0.0); 1];
+    let condition = Condition::of_state(proto, &[q]);
     let [tau_q1] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q1;
     }
-    (left, Condition::regular(proto))
+    (left, condition)
 }
 
 /// Where the bodies are.
@@ -1371,7 +1372,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 8]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -1557,7 +1558,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30]
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 1];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -1655,7 +1656,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
 pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 1];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -1735,7 +1736,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<
 pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 1];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
@@ -1848,7 +1849,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([[T; 1]; 1], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 1]; 1];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3] = {

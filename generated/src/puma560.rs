@@ -464,12 +464,13 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 pub fn velocities<T: Scalar>(q: &[T; 6], qd_i: &[T; 6]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut qd = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q, qd_i]);
     let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6] = *qd_i;
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
         qd[0] = d_q1; qd[1] = d_q2; qd[2] = d_q3; qd[3] = d_q4; qd[4] = d_q5; qd[5] = d_q6;
     }
-    (qd, Condition::regular(proto))
+    (qd, condition)
 }
 
 /// All accelerations from the independent ones: A_e qdd_e = b - A_i qdd_i (Eq. 8).
@@ -483,13 +484,14 @@ pub fn velocities<T: Scalar>(q: &[T; 6], qd_i: &[T; 6]) -> ([T; 6], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd_i: &[T; 6]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut qdd = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q, qd, qdd_i]);
     let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
         qdd[0] = dd_q1; qdd[1] = dd_q2; qdd[2] = dd_q3; qdd[3] = dd_q4; qdd[4] = dd_q5; qdd[5] = dd_q6;
     }
     let _ = qd;
-    (qdd, Condition::regular(proto))
+    (qdd, condition)
 }
 
 /// The regressor K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20).
@@ -563,6 +565,7 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 60]) -> Condition<T> {
     let proto = q[0];
+    let condition = Condition::of_state(proto, &[q, qd, qdd]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -1367,7 +1370,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         let t7_111 = -w_my_6_q3;
         w[57][2] = t7_111;
     }
-    Condition::regular(proto)
+    condition
 }
 
 /// Inverse dynamics: the regressor times `phi`, without forming it.
@@ -1382,6 +1385,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q, qd, qdd]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -1818,7 +1822,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let t3_137 = sin_q2.mul_add(t3_119, t3_136);
         tau[0] = t3_137;
     }
-    (tau, Condition::regular(proto))
+    (tau, condition)
 }
 
 /// The efforts of gravity.
@@ -1831,6 +1835,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -1935,7 +1940,7 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
         let t2_72 = -t2_65;
         tau[2] = t2_72;
     }
-    (tau, Condition::regular(proto))
+    (tau, condition)
 }
 
 /// Coriolis, centrifugal and friction efforts.
@@ -1949,6 +1954,7 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q, qd]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -2349,7 +2355,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         let t3_106 = -t3_96;
         tau[1] = t3_106;
     }
-    (tau, Condition::regular(proto))
+    (tau, condition)
 }
 
 /// The mass matrix over the independent coordinates.
@@ -2362,6 +2368,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
 pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 6]; 6];
+    let condition = Condition::of_state(proto, &[q]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6, sin_q3, cos_q3] = {
@@ -2654,7 +2661,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_249 = -t2_248;
         m[0][5] = t2_249; m[5][0] = t2_249;
     }
-    (m, Condition::regular(proto))
+    (m, condition)
 }
 
 /// The regressor Y(q, qd, qd_r, qdd_r) of passivity-based adaptive control (Slotine and Li, 1987).
@@ -2729,6 +2736,7 @@ pub fn adaptive_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
 #[inline(always)]
 pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 60]) -> Condition<T> {
     let proto = q[0];
+    let condition = Condition::of_state(proto, &[q, qd, qd_r, qdd_r]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -3583,7 +3591,7 @@ pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T;
         let t7_124 = -w_my_6_q3;
         y[57][2] = t7_124;
     }
-    Condition::regular(proto)
+    condition
 }
 
 /// The left side of Eq. 10 from the actuated efforts.
@@ -3596,12 +3604,13 @@ pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T;
 pub fn generalized_forces<T: Scalar>(q: &[T; 6], tau: &[T; 6]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut left = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q]);
     let [tau_q1, tau_q2, tau_q3, tau_q4, tau_q5, tau_q6] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q1; left[1] = tau_q2; left[2] = tau_q3; left[3] = tau_q4; left[4] = tau_q5; left[5] = tau_q6;
     }
-    (left, Condition::regular(proto))
+    (left, condition)
 }
 
 /// Where the bodies are.
@@ -3829,6 +3838,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 36]) -> Condition<T> {
     let proto = q[0];
+    let condition = Condition::of_state(proto, &[q, qd, qdd]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -4483,7 +4493,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         let t7_95 = -w_my_6_q3;
         w[35][2] = t7_95;
     }
-    Condition::regular(proto)
+    condition
 }
 
 /// The base parameters of given parameters.
@@ -4679,6 +4689,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 36], free: &[T; 24]) -> [T; 60
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q, qd, qdd]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -5053,7 +5064,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
         let t3_85 = sin_q2.mul_add(t3_69, t3_84);
         tau[0] = t3_85;
     }
-    (tau, Condition::regular(proto))
+    (tau, condition)
 }
 
 /// The efforts of gravity from base parameters.
@@ -5066,6 +5077,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
 pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -5141,7 +5153,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition
         let t2_44 = -t2_41;
         tau[2] = t2_44;
     }
-    (tau, Condition::regular(proto))
+    (tau, condition)
 }
 
 /// Coriolis, centrifugal and friction efforts from base parameters.
@@ -5155,6 +5167,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition
 pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 6];
+    let condition = Condition::of_state(proto, &[q, qd]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -5502,7 +5515,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let t3_61 = sin_q2.mul_add(t3_42, t3_60);
         tau[0] = t3_61;
     }
-    (tau, Condition::regular(proto))
+    (tau, condition)
 }
 
 /// The mass matrix from base parameters.
@@ -5515,6 +5528,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 6]; 6];
+    let condition = Condition::of_state(proto, &[q]);
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -5775,7 +5789,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], 
         let t2_219 = -t2_218;
         m[0][5] = t2_219; m[5][0] = t2_219;
     }
-    (m, Condition::regular(proto))
+    (m, condition)
 }
 
 /// The robot as a `Model`, over slices.

@@ -881,7 +881,7 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
 pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
     let proto = q[0];
     let mut dq_e = [proto.splat(0.0); 6];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -1226,7 +1226,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
 pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let proto = q[0];
     let mut qd = [proto.splat(0.0); 9];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd_i]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -1438,7 +1438,7 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let proto = q[0];
     let mut qdd = [proto.splat(0.0); 9];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd_i]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -1823,7 +1823,7 @@ pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 79]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -2544,7 +2544,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -3055,7 +3055,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -3422,7 +3422,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -4054,7 +4054,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
 pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 3]; 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -4574,7 +4574,7 @@ pub fn adaptive_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
 #[inline(always)]
 pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 79]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qd_r, qdd_r]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -5687,12 +5687,13 @@ pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T;
 pub fn generalized_forces<T: Scalar>(q: &[T; 9], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut left = [proto.splat(0.0); 3];
+    let condition = Condition::of_state(proto, &[q]);
     let [tau_q2, tau_q7, tau_q9] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q2; left[1] = tau_q7; left[2] = tau_q9;
     }
-    (left, Condition::regular(proto))
+    (left, condition)
 }
 
 /// Where the bodies are.
@@ -5946,7 +5947,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 34]) -> Condition<T> {
     let proto = q[0];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -6746,7 +6747,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 45]) -> [T; 79
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -7242,7 +7243,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
 pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -7588,7 +7589,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition
 pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let proto = q[0];
     let mut tau = [proto.splat(0.0); 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -8203,7 +8204,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> (
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], Condition<T>) {
     let proto = q[0];
     let mut m = [[proto.splat(0.0); 3]; 3];
-    let mut condition = proto.splat(1.0);
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [

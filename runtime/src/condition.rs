@@ -49,6 +49,31 @@ impl<T: Scalar> Condition<T> {
         }
     }
 
+    /// The condition of a state without loops: pivot 1, but NaN in lanes where an entry is not finite.
+    ///
+    /// - `proto`: any value in the shape of the entries;
+    /// - `state`: coordinates and their derivatives, as many lists as a function takes.
+    ///
+    /// ```
+    /// use regen_runtime::Condition;
+    ///
+    /// assert!(Condition::of_state(0.0, &[&[0.1, 0.2], &[3.0, 0.0]]).is_regular());
+    /// assert!(!Condition::of_state(0.0, &[&[0.1, f64::NAN]]).is_regular());
+    /// assert!(!Condition::of_state(0.0, &[&[0.1], &[f64::INFINITY]]).is_regular());
+    /// ```
+    #[inline(always)]
+    pub fn of_state(proto: T, state: &[&[T]]) -> Self {
+        let zero = proto.splat(0.0);
+        let mut sum = zero;
+        for list in state {
+            sum = sum + list.iter().fold(zero, |sum, x| sum + *x);
+        }
+        // zero times a finite sum is zero, and NaN for all others
+        Self {
+            pivot: sum.mul_add(zero, proto.splat(1.0)),
+        }
+    }
+
     /// The worse of two conditions, lane by lane.
     ///
     /// ```

@@ -1,5 +1,6 @@
 //! Standard output and standard error.
 
+use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
 
 use crate::call;
@@ -7,6 +8,7 @@ use crate::exit::Failure;
 
 /// Writes a result to standard output.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    let text = &*visible(text);
     if call::print(text) {
         return Ok(());
     }
@@ -21,10 +23,33 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
 
 /// Writes a message to standard error; a failure to write is ignored, since nothing can be done.
 pub(crate) fn note(text: &str) {
+    colored_note(&visible(text));
+}
+
+/// Writes a message that may have colours.
+fn colored_note(text: &str) {
     if call::note(text) {
         return;
     }
     let _ = writeln!(io::stderr(), "{text}");
+}
+
+/// A text whose control characters, but for the ends of lines and tabs, are written as escapes: names of
+/// files may contain them, and a terminal would obey.
+fn visible(text: &str) -> Cow<'_, str> {
+    let obeyed = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if !text.contains(obeyed) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if obeyed(c) {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
+    }
+    Cow::Owned(out)
 }
 
 /// Prints on standard error why the run ended.
@@ -35,10 +60,13 @@ pub(crate) fn complain(failure: &Failure) {
         Failure::Interrupted(text) => note(text),
         Failure::Spec(reports) => {
             for report in reports {
-                note(report.render(color).trim_end());
+                colored_note(report.render(color).trim_end());
             }
         }
-        other if color => note(&format!("\x1b[1;31merror\x1b[0m\x1b[1m:\x1b[0m {other}")),
+        other if color => colored_note(&format!(
+            "\x1b[1;31merror\x1b[0m\x1b[1m:\x1b[0m {}",
+            visible(&other.to_string())
+        )),
         other => note(&format!("error: {other}")),
     }
 }

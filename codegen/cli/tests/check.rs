@@ -109,8 +109,7 @@ fn a_cut_whose_axes_are_opposite_at_home_is_refused_with_what_turns_them() {
             let cut = format!(
                 "joint: {joint}, between: [{{body: 2, xyz: [l2, 0, 0]}}, {{body: 4, xyz: [l2, 0, 0], rpy: [{second}, 0, 0]}}]"
             );
-            let before =
-                "joint: revolute, between: [{body: 2, xyz: [l2, 0, 0]}, {body: 4, xyz: [l2, 0, 0]}]";
+            let before = "joint: revolute, between: [{body: 2, xyz: [l2, 0, 0]}, {body: 4, xyz: [l2, 0, 0]}]";
             assert!(text.contains(before));
             std::fs::write(dir.join(&file), text.replace(before, &cut)).unwrap();
         };

@@ -8,7 +8,7 @@ use regen_codegen::robot::Robot;
 
 use crate::entry::{Entry, entry, stale};
 use crate::error::SourceError;
-use crate::module::BANNER;
+use crate::module::banner;
 
 /// A robot's C files, and the symbols that they export to the linker.
 #[derive(Debug)]
@@ -29,9 +29,8 @@ pub fn c_files(robot: &Robot, spec: &Path) -> Result<CFiles, SourceError> {
             robot: robot.name.clone(),
         });
     }
-    let file = spec.file_name().unwrap_or_default().to_string_lossy();
     let mut files = c::files(robot);
-    let banner = format!("{BANNER}{file}; edit that file and run `regen generate --target c`.\n");
+    let banner = banner(spec, "regen generate --target c");
     files.header.insert_str(0, &banner);
     files.source.insert_str(0, &banner);
     Ok(CFiles {

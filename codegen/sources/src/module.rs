@@ -42,15 +42,29 @@ pub fn module(robot: &Robot, spec: &Path) -> Result<Module, SourceError> {
             robot: robot.name.clone(),
         });
     }
-    let file = spec.file_name().unwrap_or_default().to_string_lossy();
     let options = emit::Options {
         runtime: "::regen_runtime".to_owned(),
     };
     let written = emit::module(robot, &options);
     Ok(Module {
         digest: emit::digest(robot, &written),
-        text: format!("{BANNER}{file}; edit that file and run `regen generate`.\n{written}"),
+        text: format!("{}{written}", banner(spec, "regen generate")),
     })
+}
+
+/// The first line of generated files, a comment that names the file of `spec` and the command that writes
+/// them. A name of a file may contain what ends a line.
+pub(crate) fn banner(spec: &Path, command: &str) -> String {
+    let file = spec.file_name().unwrap_or_default().to_string_lossy();
+    let mut name = String::with_capacity(file.len());
+    for c in file.chars() {
+        if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') {
+            name.extend(c.escape_default());
+        } else {
+            name.push(c);
+        }
+    }
+    format!("{BANNER}{name}; edit that file and run `{command}`.\n")
 }
 
 /// Whether a file's text was written by `regen`.

@@ -97,7 +97,8 @@ impl Number for f32 {
     }
 }
 
-/// Runs a program. Returns its outputs for these arguments, and its condition, which is 1 if no
+/// Runs a program. Returns its outputs for these arguments, and its condition, which is NaN if a coordinate or
+/// a derivative of one is not finite, and else 1 if no
 /// system is solved. Otherwise it is the least number over all systems, at most 1: of a system
 /// solved in the fixed order, the smallest ratio of a pivot to its usual size; of a system solved
 /// with pivoting, the ratio of the smallest to the largest pivot.
@@ -126,10 +127,13 @@ impl Number for f32 {
 /// # Ok::<(), regen_codegen::diag::Report>(())
 /// ```
 pub fn run<T: Number>(program: &Program, inputs: &[&[T]]) -> (Vec<T>, T) {
+    let motion = program.arguments.iter().zip(inputs);
+    let mut motion = motion.filter(|(argument, _)| argument.is_motion());
+    let is_finite = motion.all(|(_, values)| values.iter().all(|x| x.value().is_finite()));
     let mut machine = Machine {
         inputs,
         temps: vec![T::constant(f64::NAN); program.names.len()],
-        condition: T::constant(1.0),
+        condition: T::constant(if is_finite { 1.0 } else { f64::NAN }),
     };
     for step in &program.steps {
         machine.step(&step.op, &step.results);

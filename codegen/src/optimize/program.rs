@@ -87,6 +87,14 @@ pub struct Argument {
     pub doc: String,
 }
 
+impl Argument {
+    /// Whether it contains coordinates or their derivatives, whose names begin with q: where these are not
+    /// finite, no result is worth anything. Parameters and efforts are not.
+    pub fn is_motion(&self) -> bool {
+        self.name.starts_with('q')
+    }
+}
+
 /// A group of steps and the outputs that they complete.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {

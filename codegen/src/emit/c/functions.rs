@@ -131,6 +131,7 @@ fn write(
     let language = C {
         prefix: &names.prefix,
         precision,
+        has_condition: kind.signature().has_condition,
         helpers,
         numbered: Cell::new(0),
         entries: Cell::new(0),
@@ -148,12 +149,7 @@ fn write(
     write_zeros(program, precision, &mut text);
     text.push_str(&body);
     if kind.signature().has_condition {
-        let condition = if program.solves() {
-            "condition".to_owned()
-        } else {
-            precision.literal(1.0)
-        };
-        let _ = writeln!(text, "    return {condition};");
+        text.push_str("    return condition;\n");
     }
     text.push_str("}\n");
     let bytes = match precision {

@@ -105,7 +105,8 @@ fn documentation(function: &Function, names: &Spelling, functions: &Functions, o
     if signature.has_condition {
         let _ = writeln!(
             out,
-            "   Returns the condition: the smallest pivot of A_e relative to its usual size, 1 without loops."
+            "   Returns the condition: the smallest pivot of A_e relative to its usual size, 1 without loops,\n   \
+             NaN where an argument that is not a parameter or an effort is not finite."
         );
     }
     let operations = operations(program.operations());

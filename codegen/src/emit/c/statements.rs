@@ -64,6 +64,8 @@ pub(super) struct C<'r> {
     /// What names of helpers begin with.
     pub(super) prefix: &'r str,
     pub(super) precision: Precision,
+    /// Whether the function returns a condition.
+    pub(super) has_condition: bool,
     /// The helpers that were called.
     pub(super) helpers: &'r Helpers,
     /// Number of statements so far that need a number in the names of their arrays.
@@ -187,10 +189,24 @@ impl Language for C<'_> {
     }
 
     fn begin(&self, text: &mut Text, program: &Program, _kept: Option<usize>) {
-        if program.solves() {
-            let number_type = self.precision.type_name();
-            let one = self.constant(1.0);
-            text.line(1, &format!("{number_type} condition = {one};"));
+        if !(program.solves() || self.has_condition) {
+            return;
+        }
+        let number_type = self.precision.type_name();
+        let kept = if program.solves() { "" } else { "const " };
+        let mut sum = vec![self.constant(1.0)];
+        if self.has_condition {
+            let zero = self.helper(Helper::Finite);
+            let motion = program.arguments.iter().filter(|a| a.is_motion());
+            sum.extend(motion.map(|a| format!("{zero}({}, {})", a.name, a.len)));
+        }
+        let sum = sum.join(" + ");
+        let flat = format!("{kept}{number_type} condition = {sum};");
+        if flat.len() <= 96 {
+            text.line(1, &flat);
+        } else {
+            text.line(1, &format!("{kept}{number_type} condition ="));
+            text.line(2, &format!("{sum};"));
         }
     }
 

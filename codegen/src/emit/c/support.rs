@@ -17,6 +17,8 @@ pub(super) enum Helper {
     Size,
     /// The smaller of two numbers.
     Smaller,
+    /// Zero for finite numbers.
+    Finite,
     /// The sign: -1, 0 or 1.
     Sign,
     /// A sine and a cosine.
@@ -67,6 +69,7 @@ impl Helper {
             Helper::Fused => "fma",
             Helper::Size => "size_of",
             Helper::Smaller => "smaller",
+            Helper::Finite => "zero_if_finite",
             Helper::Sign => "sign_of",
             Helper::SinCos => "sin_cos",
             Helper::SinCosLanes => "sin_cos_lanes",
@@ -80,6 +83,7 @@ impl Helper {
             Helper::Fused => FUSED,
             Helper::Size => SIZE,
             Helper::Smaller => SMALLER,
+            Helper::Finite => FINITE,
             Helper::Sign => SIGN,
             Helper::SinCos => SIN_COS,
             Helper::SinCosLanes => SIN_COS_LANES,
@@ -91,8 +95,15 @@ impl Helper {
 /// A template with names and types: `@name` is a helper, `$NAME` a macro, `REAL` the type, `#` before
 /// digits marks a number of that type, and `RESTRICT` is the header's macro.
 fn spelled(template: &str, prefix: &str, precision: Precision) -> String {
+    // before names of the robot are in it, which may contain these words
+    let restrict = format!("{}_RESTRICT", prefix.to_ascii_uppercase());
+    let template = template
+        .replace("REAL", precision.type_name())
+        .replace("FLOATS", &precision.library_suffix().to_ascii_uppercase())
+        .replace("FMAS", &format!("fma{}", precision.library_suffix()))
+        .replace("RESTRICT", &restrict);
     let mut out = String::new();
-    let mut rest = template;
+    let mut rest = template.as_str();
     while let Some(at) = rest.find(['@', '$', '#']) {
         let (before, marked) = rest.split_at(at);
         out.push_str(before);
@@ -112,11 +123,7 @@ fn spelled(template: &str, prefix: &str, precision: Precision) -> String {
         rest = after;
     }
     out.push_str(rest);
-    let restrict = format!("{}_RESTRICT", prefix.to_ascii_uppercase());
-    out.replace("REAL", precision.type_name())
-        .replace("FLOATS", &precision.library_suffix().to_ascii_uppercase())
-        .replace("FMAS", &format!("fma{}", precision.library_suffix()))
-        .replace("RESTRICT", &restrict)
+    out
 }
 
 /// The name of a macro of the C file.
@@ -155,6 +162,18 @@ const SMALLER: &str = r"
 static inline REAL @smaller(REAL x, REAL y)
 {
     return x < y || x != x ? x : y;
+}
+";
+
+const FINITE: &str = r"
+/* Zero where all numbers are finite, else NaN. */
+static inline REAL @zero_if_finite(const REAL *x, int count)
+{
+    REAL sum = #0.0;
+    for (int k = 0; k < count; k++) {
+        sum += x[k];
+    }
+    return #0.0 * sum;
 }
 ";
 

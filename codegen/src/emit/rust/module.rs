@@ -322,6 +322,7 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
     let names: Vec<Vec<String>> = arguments.map(|a| preferred_names(robot, *a)).collect();
     let language = Rust {
         runtime: &options.runtime,
+        has_condition,
     };
     let body = statements(program, &language, &names);
     let body = mark_unused(program, body);
@@ -338,7 +339,7 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
     let condition = if program.solves() {
         "Condition { pivot: condition }"
     } else {
-        "Condition::regular(proto)"
+        "condition"
     };
     let _ = match (has_condition, through) {
         (true, true) => writeln!(out, "    {condition}"),

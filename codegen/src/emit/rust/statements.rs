@@ -25,6 +25,8 @@ const ARRAY: [&str; 2] = ["[", "]"];
 pub(super) struct Rust<'o> {
     /// The path of the runtime crate in the emitted code.
     pub(super) runtime: &'o str,
+    /// Whether the function returns a condition.
+    pub(super) has_condition: bool,
 }
 
 /// The pattern to which a result is bound: its name, or `_` if nothing uses it.
@@ -104,8 +106,14 @@ impl Language for Rust<'_> {
     fn begin(&self, text: &mut Text, program: &Program, kept: Option<usize>) {
         let first = &program.arguments[0].name;
         text.line(1, &format!("let proto = {first}[0];"));
-        if program.solves() {
-            text.line(1, "let mut condition = proto.splat(1.0);");
+        let motion = program.arguments.iter().filter(|a| a.is_motion());
+        let motion: Vec<&str> = motion.map(|a| a.name.as_str()).collect();
+        let of_state = format!("Condition::of_state(proto, &[{}])", motion.join(", "));
+        match (program.solves(), self.has_condition) {
+            (true, true) => text.line(1, &format!("let mut condition = {of_state}.pivot;")),
+            (true, false) => text.line(1, "let mut condition = proto.splat(1.0);"),
+            (false, true) => text.line(1, &format!("let condition = {of_state};")),
+            (false, false) => {}
         }
         if let Some(length) = kept {
             text.line(1, &format!("let mut kept = [proto; {length}];"));

@@ -89,3 +89,32 @@ fn infinity_gives_no_finite_number_except_a_limit() {
         check(ok, bad);
     }
 }
+
+#[test]
+fn a_condition_refuses_every_coordinate_and_derivative_that_is_not_finite() {
+    let mut checked = 0;
+    for (name, robot) in all() {
+        let inputs = Inputs::near_home(robot);
+        for function in functions() {
+            if function.call(robot, &inputs).pivot.is_none() {
+                continue;
+            }
+            let motion = function.takes().iter();
+            for argument in motion.filter(|argument| argument.name().starts_with('q')) {
+                for k in 0..inputs.of(*argument).len() {
+                    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                        let altered = with(function, robot, &inputs, (*argument, k), bad);
+                        assert!(
+                            refused(&altered),
+                            "{name}: {}, {argument:?}[{k}] = {bad}: pivot {:?}",
+                            function.name(),
+                            altered.pivot
+                        );
+                        checked += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(checked > 5_000, "{checked}");
+}

@@ -116,7 +116,11 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
     }
     if let Some(own) = choice.velocities {
         let (measured, computed) = (share(own.measured), share(own.computed));
-        let used = if own.are_computed { "computed from the positions" } else { "measured" };
+        let used = if own.are_computed {
+            "computed from the positions"
+        } else {
+            "measured"
+        };
         out.push_str(&field(
             "velocities",
             &format!(
