@@ -160,9 +160,15 @@ impl QrFactor {
     /// The number of columns of the rows that are not zero but for rounding.
     pub(crate) fn contained(&self) -> usize {
         let square = |column: &[f64]| column.iter().map(|x| x * x).sum::<f64>();
-        let squares: Vec<f64> = self.r.chunks_exact(self.columns().max(1)).map(square).collect();
+        let squares: Vec<f64> = self
+            .r
+            .chunks_exact(self.columns().max(1))
+            .map(square)
+            .collect();
         let largest = squares.iter().fold(0.0, |m: f64, own| m.max(*own));
-        let parts = squares.iter().filter(|own| **own > ROUNDING * ROUNDING * largest);
+        let parts = squares
+            .iter()
+            .filter(|own| **own > ROUNDING * ROUNDING * largest);
         parts.count()
     }
 

@@ -19,7 +19,7 @@ use std::borrow::Borrow;
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 
-use super::motion_noise::{NoisyLogs, is_undetermined, rates, weighted, whole};
+use super::motion_noise::{NoisyLogs, is_undetermined, rates, size_of, weighted, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
@@ -143,7 +143,8 @@ struct Trial {
     cutoff: f64,
     values: Vec<f64>,
     covariance: Vec<f64>,
-    bias: Vec<f64>,
+    /// Independent changes of all values, see [`MotionBias`](super::motion_noise::MotionBias).
+    bias: Vec<Vec<f64>>,
     factor: QrFactor,
     /// See [`MotionBias`](super::motion_noise::MotionBias).
     signal: Vec<f64>,
@@ -277,7 +278,8 @@ fn velocity_choice<M: BaseModel<f64> + ?Sized>(
         };
         // positions belong to the geometry: where both differ, the measured velocities are wrong
         let errors = all_errors(&[&computed, measured], 1);
-        let [computed, measured] = [0, 1].map(|k| errors.get(k).map_or(f64::INFINITY, |own| own.sum()));
+        let [computed, measured] =
+            [0, 1].map(|k| errors.get(k).map_or(f64::INFINITY, |own| own.sum()));
         if !(computed + measured).is_finite() {
             continue;
         }
@@ -449,25 +451,27 @@ fn trial<M: BaseModel<f64> + ?Sized>(
     let mut efforts = found.estimate.efforts.iter().zip(&found.contained);
     let is_scarce = efforts.any(|(effort, parameters)| 2 * effort.rows < 3 * parameters);
     let negligible = lower.filter(|lower| {
-        let mut pairs = lower.bias.iter().enumerate();
-        pairs.all(|(k, bias)| GROWTH * bias.abs() < NEGLIGIBLE * found.deviations.sigma(k))
+        let size = size_of(&lower.bias, lower.values.len());
+        let mut pairs = size.iter().enumerate();
+        pairs.all(|(k, bias)| GROWTH * bias < NEGLIGIBLE * found.deviations.sigma(k))
     });
     let (mut correction, mut signal) = (None, found.factor.r().to_vec());
-    let bias: Vec<f64> = if let Some(lower) = negligible {
-        lower.bias.iter().map(|bias| GROWTH * bias).collect()
+    let bias: Vec<Vec<f64>> = if let Some(lower) = negligible {
+        let grown = |own: &Vec<f64>| own.iter().map(|bias| GROWTH * bias).collect();
+        lower.bias.iter().map(grown).collect()
     } else {
         // Huber's weights are of the equations, those of the bias of the efforts alone
         let without = options.huber.is_none().then_some(&found.factor);
-        let found = noisy.bias(without, |logs| {
+        let found = noisy.bias(without, found.deviations.within_runs(), |logs| {
             weighted(session, &weights, !is_linear, logs)
         });
         let found = found?;
         correction = Some(found.correction);
         signal = found.signal;
-        found.size
+        found.changes
     };
-    let correction = correction.as_ref().unwrap_or(&bias);
-    let pairs = found.estimate.values.iter().zip(correction);
+    let correction = correction.unwrap_or_else(|| vec![0.0; found.estimate.values.len()]);
+    let pairs = found.estimate.values.iter().zip(&correction);
     Ok(Trial {
         cutoff,
         values: pairs.map(|(x, bias)| x - bias).collect(),
@@ -521,7 +525,7 @@ fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Errors> {
             } else {
                 variance(&trial.covariance)
             },
-            bias: square(&trial.bias),
+            bias: trial.bias.iter().map(|own| square(own)).sum(),
             apart: 0.0,
         };
         for (lower, errors) in trials.iter().zip(&all) {

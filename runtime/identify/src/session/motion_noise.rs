@@ -26,6 +26,8 @@ const SCALE: f64 = 0.5;
 const MAX_NOISE_PART: f64 = 0.95;
 /// The same for the correction of the values: a larger one is not known well enough.
 const MAX_CORRECTED_PART: f64 = 0.5;
+/// Biases of combinations of parameters below this part of their deviations are not told apart.
+const SMALL: f64 = 0.05;
 /// A correction is at most as large as what it corrects, or its deviation: few equations give larger ones by
 /// chance.
 const FURTHEST: f64 = 1.0;
@@ -101,6 +103,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
     /// What noise of the motion biases of the least-squares parameters.
     ///
     /// - `without`: the weighted factor of the logs without added noise, where it is known;
+    /// - `covariance`: that of the parameters, n x n;
     /// - `factor`: the factor of logs with the same weights.
     ///
     /// # Errors
@@ -108,6 +111,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
     pub(super) fn bias(
         mut self,
         without: Option<&QrFactor>,
+        covariance: &[f64],
         mut factor: impl FnMut(&mut Self) -> Result<QrFactor, DataError>,
     ) -> Result<MotionBias, DataError> {
         let without = match without {
@@ -118,7 +122,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> NoisyLogs<'m, M> {
         let added = factor(&mut self)?;
         self.disturb(-SCALE);
         let subtracted = factor(&mut self)?;
-        MotionBias::new(&without, [&added, &subtracted])
+        MotionBias::new(&without, [&added, &subtracted], covariance)
     }
 }
 
@@ -154,8 +158,8 @@ pub(super) fn bias_of_fit<'m, M: BaseModel<f64> + ?Sized, E: From<DataError>>(
 
 /// What noise of the motion biases of least-squares parameters.
 pub(super) struct MotionBias {
-    /// By how much it may have moved each of them, SI.
-    pub(super) size: Vec<f64>,
+    /// By how much it may have moved them, SI: independent changes of all of them, n values each.
+    pub(super) changes: Vec<Vec<f64>>,
     /// What is to be subtracted from them, SI: as much, but less where most of what determines a
     /// combination of them is noise.
     pub(super) correction: Vec<f64>,
@@ -163,9 +167,26 @@ pub(super) struct MotionBias {
     pub(super) signal: Vec<f64>,
 }
 
+/// By how much independent changes may have moved each of n parameters together.
+pub(super) fn size_of(changes: &[Vec<f64>], n: usize) -> Vec<f64> {
+    let size = |k: usize| {
+        let parts = changes.iter().filter_map(|change| change.get(k));
+        parts.map(|x| x * x).sum::<f64>().sqrt()
+    };
+    (0..n).map(size).collect()
+}
+
 impl MotionBias {
-    /// From the weighted factor of a log, and those with noise that was added and subtracted.
-    fn new(without: &QrFactor, noisy: [&QrFactor; 2]) -> Result<Self, DataError> {
+    /// From the weighted factor of a log, those with noise that was added and subtracted, and the covariance
+    /// of the parameters.
+    ///
+    /// Where most of what determines a combination of parameters is noise, its value is by chance: the value
+    /// without noise is that over the rest of the part, and its deviation grows with it.
+    fn new(
+        without: &QrFactor,
+        noisy: [&QrFactor; 2],
+        covariance: &[f64],
+    ) -> Result<Self, DataError> {
         // the part of a log that noise is added to may determine less than all of it
         without.solve()?;
         let n = without.columns();
@@ -195,27 +216,54 @@ impl MotionBias {
         let z = right(without);
         let along = eigen.eigenvectors.tr_mul(&(&z - moment));
         let measured = eigen.eigenvectors.tr_mul(&z);
-        // the parameters' values without noise, where its part is at most so large, and moved by at most
-        // `furthest` times the measured value and so many deviations
-        let bias = |most: f64, furthest: f64| -> Result<Vec<f64>, DataError> {
-            let pairs = along.iter().zip(eigen.eigenvalues.iter()).zip(&measured);
-            let scaled = pairs.map(|((x, part), measured)| {
-                let bound = furthest * measured.abs().max(1.0);
-                let scaled = x / (1.0 - part.min(most));
-                scaled.clamp(measured - bound, measured + bound)
-            });
-            let scaled = DVector::from_iterator(n, scaled);
-            let moved = &z - &eigen.eigenvectors * scaled;
-            let moved = r.solve_upper_triangular(&moved).ok_or_else(undetermined)?;
+        let known = DMatrix::from_iterator(
+            n,
+            n,
+            covariance
+                .iter()
+                .copied()
+                .chain(core::iter::repeat(0.0))
+                .take(n * n),
+        );
+        let turned = eigen.eigenvectors.tr_mul(&r);
+        let deviations = &turned * known * turned.transpose();
+        // the parameters for a right side along the eigenvectors
+        let moved = |along: &DVector<f64>| -> Result<Vec<f64>, DataError> {
+            let right = &eigen.eigenvectors * along;
+            let moved = r.solve_upper_triangular(&right).ok_or_else(undetermined)?;
             Ok(moved.iter().copied().collect())
         };
+        let mut correction = DVector::zeros(n);
+        let mut small = DVector::zeros(n);
+        let mut changes = Vec::new();
+        for (k, part) in eigen.eigenvalues.iter().enumerate() {
+            let (x, measured) = (along[k], measured[k]);
+            let without_noise = |most: f64| measured - x / (1.0 - part.min(most));
+            // a variance that is not known is that of white residuals
+            let variance = Some(deviations[(k, k)]).filter(|own| own.is_finite() && *own > 0.0);
+            let deviation = variance.unwrap_or(1.0).sqrt();
+            let bound = FURTHEST * measured.abs().max(deviation);
+            correction[k] = without_noise(MAX_CORRECTED_PART).clamp(-bound, bound);
+            let bias = without_noise(MAX_NOISE_PART);
+            let most = part.abs().min(MAX_NOISE_PART);
+            let size = libm::hypot(bias, deviation * most / (1.0 - most));
+            if size < SMALL * deviation {
+                small[k] = bias;
+            } else {
+                let mut own = DVector::zeros(n);
+                own[k] = size;
+                changes.push(moved(&own)?);
+            }
+        }
+        changes.push(moved(&small)?);
+        let correction = moved(&correction)?;
         let mut signal = eigen.eigenvectors.tr_mul(&r);
         for (mut row, part) in signal.row_iter_mut().zip(eigen.eigenvalues.iter()) {
             row *= (1.0 - part).max(0.0).sqrt();
         }
         Ok(Self {
-            size: bias(MAX_NOISE_PART, f64::INFINITY)?,
-            correction: bias(MAX_CORRECTED_PART, FURTHEST)?,
+            changes,
+            correction,
             signal: signal.as_slice().to_vec(),
         })
     }
@@ -299,7 +347,7 @@ const OF_DIFFERENCES: f64 = 0.35;
 /// By how much noise of the motion biases the parameters of a fit to logs, as they are read; `None` where
 /// no motion is differentiated, or the part of the logs that fits into memory does not determine them.
 ///
-/// - `weights`: those of the efforts;
+/// - `weights`: those of the efforts; `covariance`: that of the parameters, n x n;
 /// - `with_friction`: whether joints with nonlinear friction have linear friction in the fit.
 ///
 /// # Errors
@@ -308,13 +356,17 @@ pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &Logs<'_, M>,
     weights: &[f64],
+    covariance: &[f64],
     with_friction: bool,
 ) -> Result<Option<MotionBias>, DataError> {
     let factor = |logs: &mut NoisyLogs<'_, M>| weighted(session, weights, with_friction, logs);
     // few equations determine the parameters only with all of them
     for decimates in [true, false] {
         let noisy = NoisyLogs::of_read(logs, decimates);
-        match noisy.and_then(|own| own.map(|own| own.bias(None, factor)).transpose()) {
+        match noisy.and_then(|own| {
+            own.map(|own| own.bias(None, covariance, factor))
+                .transpose()
+        }) {
             Err(error) if is_undetermined(&error) => {}
             other => return other,
         }

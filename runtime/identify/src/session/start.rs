@@ -3,7 +3,7 @@
 
 use regen_runtime::BaseModel;
 
-use super::motion_noise::motion_bias;
+use super::motion_noise::{motion_bias, size_of};
 use super::{MonitoredLogs, Session, SessionError, physical};
 use crate::data::{FileReport, Run};
 use crate::estimate::{
@@ -156,25 +156,26 @@ fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
     session.watch.phase("adding noise to the motion");
     let efforts = identified.estimate.efforts.iter();
     let weights: Vec<f64> = efforts.map(|e| e.weight).collect();
-    let found = motion_bias(session, logs.logs(), &weights, false);
+    let covariance = identified.deviations.covariance.clone();
+    let found = motion_bias(session, logs.logs(), &weights, &covariance, false);
     session.watch.finished();
     let Some(bias) = found? else {
         return Ok(None);
     };
-    let (increased, words) = identified
-        .deviations
-        .with_sampling(core::slice::from_ref(&bias.size));
+    let (increased, words) = identified.deviations.with_sampling(&bias.changes);
     identified.deviations = increased;
-    identified.blocks = identified
-        .blocks
-        .clone()
-        .with_change(&identified.factor, &bias.size);
+    let blocks = identified.blocks.clone();
+    let changes = bias.changes.iter();
+    identified.blocks = changes.fold(blocks, |blocks, change| {
+        blocks.with_change(&identified.factor, change)
+    });
     let change: Vec<f64> = bias.correction.iter().map(|x| -x).collect();
     identified.factor = identified.factor.moved_by(&change);
     for (value, change) in identified.estimate.values.iter_mut().zip(&change) {
         *value += change;
     }
-    Ok(Some((bias.size, !words.is_empty())))
+    let size = size_of(&bias.changes, bias.correction.len());
+    Ok(Some((size, !words.is_empty())))
 }
 
 /// Adds the errors that come from the sampling of the positions, and from efforts that are held between
@@ -337,14 +338,19 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         let found = blocks.deviations(&factor, &all, &estimate.values, 1.0)?;
         let values = &estimate.values;
         session.watch.phase("adding noise to the motion");
-        let motion = motion_bias(session, logs.logs(), &weights, true);
+        let motion = motion_bias(session, logs.logs(), &weights, &found.covariance, true);
         session.watch.finished();
-        by_noise = motion?.map(|bias| bias.size).unwrap_or_default();
-        let changes = [
+        let by_motion = motion?.map(|bias| bias.changes).unwrap_or_default();
+        by_noise = if by_motion.is_empty() {
+            Vec::new()
+        } else {
+            size_of(&by_motion, values.len())
+        };
+        let mut changes = vec![
             friction::discretisation(model, &mut logs, values, &weights, &factor)?,
             data.linear_change_if_held(&factor)?,
-            by_noise.clone(),
         ];
+        changes.extend(by_motion);
         let (found, words) = found.with_sampling(&changes);
         let add = |blocks: Blocks, change| blocks.with_change(&factor, change);
         let blocks = changes.iter().map(Vec::as_slice).fold(blocks, add);
