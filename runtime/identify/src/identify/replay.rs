@@ -3,7 +3,7 @@
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::passes::Source;
 use super::stored::StoredEquations;
-use super::stream::{Columns, LeftOut, NoColumns, equations};
+use super::stream::{Columns, LeftOut, MAX_RESTED_PART, NoColumns, equations_that_rest};
 use crate::estimate::{EstimateError, Origin};
 use regen_runtime::BaseModel;
 
@@ -23,6 +23,9 @@ pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     /// The base parameters around which the right-hand sides are linearised; see
     /// [`linearised`](Self::linearised).
     around: Option<&'a [f64]>,
+    /// The largest part of the filter's memory in which a coordinate may have rested for its equation to be
+    /// used.
+    rested: f64,
     /// The largest number of values that are stored.
     most: usize,
     state: State,
@@ -57,6 +60,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             columns,
             more: Vec::new(),
             around: None,
+            rested: MAX_RESTED_PART,
             most: MAX_NUMBERS,
             state: State::Empty,
             stored: StoredEquations::default(),
@@ -108,6 +112,18 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         self.stored = StoredEquations::default();
     }
 
+    /// The largest part of the filter's memory in which a coordinate may have rested.
+    pub(super) fn rested(&self) -> f64 {
+        self.rested
+    }
+
+    /// Changes that part; the equations are computed again in the next pass.
+    pub(super) fn set_rested(&mut self, part: f64) {
+        self.rested = part;
+        self.state = State::Empty;
+        self.stored = StoredEquations::default();
+    }
+
     /// Limits the memory to the share of one of several logs.
     pub(crate) fn shared(self, logs: usize) -> Self {
         Self {
@@ -150,7 +166,8 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         let (state, stored, most) = (&mut self.state, &mut self.stored, self.most);
         let around = self.around;
         let mut sides = Vec::new();
-        self.left_out = equations(
+        self.left_out = equations_that_rest(
+            self.rested,
             self.model,
             self.kind,
             self.source,
