@@ -436,15 +436,16 @@ const MIN_KEPT_PART: f64 = 0.25;
 fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     weighting: Weighting,
-) -> Result<(FactorSet, Estimate), S::Error> {
+) -> Result<Moving, S::Error> {
     let mut set = reduce(replay)?;
     let rests: usize = replay.left_out().resting.iter().sum();
     let mut estimate =
         Estimate::new(&set, weighting).map_err(|why| why.beside_rests(rests))?;
     let filtering = replay.source().filtering();
     if rests == 0 || filtering.smoothing == Smoothing::None || filtering.standstill != Standstill::Drop {
-        return Ok((set, estimate));
+        return Ok(Moving::new(set, estimate));
     }
+    let mut change = Vec::new();
     for _ in 0..NARROWINGS {
         let before = replay.rested();
         let Some(part) = narrower(&set, &estimate, before) else {
@@ -457,16 +458,43 @@ fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         let is_enough = pairs.all(|(own, contained, all)| {
             own >= 3 * contained && own as f64 >= MIN_KEPT_PART * all as f64
         });
-        match Estimate::new(&fewer, weighting) {
+        let found = Estimate::new(&fewer, weighting);
+        match found {
             Ok(found) if is_enough => (set, estimate) = (fewer, found),
-            _ => {
+            found => {
+                if let Ok(found) = found {
+                    let pairs = found.values.iter().zip(&estimate.values);
+                    change = pairs.map(|(a, b)| a - b).collect();
+                }
                 replay.set_rested(before);
                 set = reduce(replay)?;
                 break;
             }
         }
     }
-    Ok((set, estimate))
+    Ok(Moving {
+        change,
+        ..Moving::new(set, estimate)
+    })
+}
+
+/// Least squares with equations of coordinates that move.
+struct Moving {
+    set: FactorSet,
+    estimate: Estimate,
+    /// By how much static friction may move the parameters where too few equations are without it; empty
+    /// where enough are.
+    change: Vec<f64>,
+}
+
+impl Moving {
+    fn new(set: FactorSet, estimate: Estimate) -> Self {
+        Self {
+            set,
+            estimate,
+            change: Vec::new(),
+        }
+    }
 }
 
 /// The largest part of a filter's memory in which a coordinate may have rested so that noise exceeds static
@@ -497,7 +525,11 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     options: &Options,
     with_delays: bool,
 ) -> Result<Identified, S::Error> {
-    let (plain, mut estimate) = without_rests(replay, options.weighting)?;
+    let Moving {
+        set: plain,
+        mut estimate,
+        change: by_rests,
+    } = without_rests(replay, options.weighting)?;
     let left_out = replay.left_out().clone();
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
@@ -535,7 +567,7 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         Some(delays) => delays.finish(bandwidth)?,
         None => None,
     };
-    let (blocks, newey_west, psi_sums) = scores(
+    let (mut blocks, newey_west, psi_sums) = scores(
         replay,
         options,
         &estimate,
@@ -573,6 +605,10 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     }
     if options.huber.is_some() {
         estimate.covariance = psi_sums.covariance(&effort_weighted)?;
+    }
+    if !by_rests.is_empty() {
+        deviations = deviations.with_change(&by_rests);
+        blocks = blocks.with_change(&factor, &by_rests);
     }
     Ok(Identified {
         relative_absolute: errors.relative_absolute(),
