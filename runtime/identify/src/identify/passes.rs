@@ -446,7 +446,7 @@ fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         return Ok(Moving::new(set, estimate));
     }
     let mut change = Vec::new();
-    for _ in 0..NARROWINGS {
+    for narrowing in 0..NARROWINGS {
         let before = replay.rested();
         let Some(part) = narrower(&set, &estimate, before) else {
             break;
@@ -462,9 +462,13 @@ fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         match found {
             Ok(found) if is_enough => (set, estimate) = (fewer, found),
             found => {
-                if let Ok(found) = found {
-                    let pairs = found.values.iter().zip(&estimate.values);
-                    change = pairs.map(|(a, b)| a - b).collect();
+                // what few equations differ by is noise up to two of their deviations
+                if let (Ok(found), 0) = (found, narrowing) {
+                    let pairs = found.values.iter().zip(&estimate.values).enumerate();
+                    let beyond = |(k, (a, b)): (usize, (&f64, &f64))| {
+                        ((a - b).abs() - 2.0 * found.sigma(k)).max(0.0).copysign(a - b)
+                    };
+                    change = pairs.map(beyond).collect();
                 }
                 replay.set_rested(before);
                 set = reduce(replay)?;
