@@ -162,3 +162,81 @@ fn the_short_help_of_identify_has_at_most_25_options() {
     assert!(all.contains("--episode") && !help.contains("--episode"));
     fs::remove_dir_all(&dir).unwrap();
 }
+
+/// A copy of the log with velocities of the positions, which lag by so many rows.
+fn with_velocities(dir: &Path, lag: usize) {
+    let text = fs::read_to_string(dir.join("log.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let (header, rows) = rows.split_first().unwrap();
+    let joints = header.iter().filter(|title| title.starts_with('q')).count();
+    let number = |k: usize, column: usize| rows[k][column].parse::<f64>().unwrap();
+    let mut out = header[..=joints].join(",");
+    for title in &header[1..=joints] {
+        out += &format!(",qd_{title}");
+    }
+    out += &format!(",{}\n", header[joints + 1..].join(","));
+    for k in lag + 1..rows.len() - 1 {
+        out += &rows[k][..=joints].join(",");
+        for column in 1..=joints {
+            let [before, after] = [k - lag - 1, k - lag + 1];
+            let rate = (number(after, column) - number(before, column))
+                / (number(after, 0) - number(before, 0));
+            out += &format!(",{rate}");
+        }
+        out += &format!(",{}\n", rows[k][joints + 1..].join(","));
+    }
+    fs::write(dir.join("log.csv"), out).unwrap();
+}
+
+#[test]
+fn velocities_that_lag_are_computed_from_the_positions_and_good_ones_are_used() {
+    let dir = simulated("choice_velocities", "1e-6,0.02");
+    let without = identified(&dir, &[]);
+    assert!(without["filter"]["velocities"].is_null());
+    let kept = fs::read_to_string(dir.join("log.csv")).unwrap();
+    with_velocities(&dir, 0);
+    let good = identified(&dir, &[]);
+    assert_eq!(good["filter"]["velocities"]["are_computed"], false);
+
+    fs::write(dir.join("log.csv"), kept).unwrap();
+    with_velocities(&dir, 6);
+    let late = identified(&dir, &["--out", "p.json"]);
+    let filter = &late["filter"].clone();
+    assert_eq!(filter["velocities"]["are_computed"], true, "{filter}");
+    let measured = identified(&dir, &["--velocities", "measured", "--no-suspicion"]);
+    assert!(measured["filter"]["velocities"].is_null());
+    // the robot is the same: velocities that lag move its values, in deviations of the ones without
+    let far = |found: &Value| {
+        let pairs = rows(&without);
+        let pairs = pairs.iter().zip(values(found));
+        let parts = pairs.map(|((x, low, high, _), y)| (y - x).abs() / (0.5 * (high - low)));
+        parts.fold(0.0, f64::max)
+    };
+    let (late, measured) = (far(&late), far(&measured));
+    assert!(late < 0.5 && measured > 2.0, "{late} {measured}");
+    let spec = spec();
+    let text = regen(&dir, &["identify", &spec, "log.csv"]).ended(0).out;
+    assert!(
+        text.contains("computed from the positions: measured ones"),
+        "{text}"
+    );
+
+    // predictions compute them too, and an option pins either
+    let errors = |more: &[&str]| {
+        let words = ["validate", &spec, "p.json", "log.csv", "--format", "json"];
+        let found = regen(&dir, &[&words[..], more].concat()).ended(0).json();
+        found["models"].clone()
+    };
+    let cutoff = filter["cutoff"].to_string();
+    let every = filter["decimation"].to_string();
+    let pinned = format!("2,{cutoff}");
+    let options = [
+        "--butterworth",
+        &pinned,
+        "--decimate",
+        &every,
+        "--velocities",
+    ];
+    assert_eq!(errors(&[]), errors(&[&options[..], &["computed"]].concat()));
+    assert_ne!(errors(&[]), errors(&[&options[..], &["measured"]].concat()));
+}

@@ -439,10 +439,12 @@ fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 ) -> Result<Moving, S::Error> {
     let mut set = reduce(replay)?;
     let rests: usize = replay.left_out().resting.iter().sum();
-    let mut estimate =
-        Estimate::new(&set, weighting).map_err(|why| why.beside_rests(rests))?;
+    let mut estimate = Estimate::new(&set, weighting).map_err(|why| why.beside_rests(rests))?;
     let filtering = replay.source().filtering();
-    if rests == 0 || filtering.smoothing == Smoothing::None || filtering.standstill != Standstill::Drop {
+    if rests == 0
+        || filtering.smoothing == Smoothing::None
+        || filtering.standstill != Standstill::Drop
+    {
         return Ok(Moving::new(set, estimate));
     }
     let mut change = Vec::new();
@@ -466,7 +468,9 @@ fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 if let (Ok(found), 0) = (found, narrowing) {
                     let pairs = found.values.iter().zip(&estimate.values).enumerate();
                     let beyond = |(k, (a, b)): (usize, (&f64, &f64))| {
-                        ((a - b).abs() - 2.0 * found.sigma(k)).max(0.0).copysign(a - b)
+                        ((a - b).abs() - 2.0 * found.sigma(k))
+                            .max(0.0)
+                            .copysign(a - b)
                     };
                     change = pairs.map(beyond).collect();
                 }
@@ -509,9 +513,8 @@ fn narrower(set: &FactorSet, estimate: &Estimate, before: f64) -> Option<f64> {
         let columns = factor.r().chunks_exact(factor.columns().max(1));
         let friction = columns.zip(&estimate.values).zip(factor.labels());
         let friction = friction.filter(|(_, label)| label.starts_with("Fc("));
-        let squares = friction.map(|((column, value), _)| {
-            column.iter().map(|x| x * x).sum::<f64>() * value * value
-        });
+        let squares = friction
+            .map(|((column, value), _)| column.iter().map(|x| x * x).sum::<f64>() * value * value);
         let rms = (squares.sum::<f64>() / factor.rows().max(1) as f64).sqrt();
         if rms > 0.0 {
             least = least.min(FRICTION_PART * effort.sigma / rms);
