@@ -77,3 +77,18 @@ fn colored() -> bool {
     let supported = std::env::var_os("TERM").is_none_or(|term| term != "dumb");
     wanted && supported && io::stderr().is_terminal()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_of_names_are_shown_and_not_obeyed() {
+        assert_eq!(
+            visible("a\u{1b}[31mb\r.csv\n\tc"),
+            "a\\u{1b}[31mb\\r.csv\n\tc"
+        );
+        assert_eq!(visible("q\u{9b}2J"), "q\\u{9b}2J");
+        assert!(matches!(visible("Gelenk äöü 关节\n"), Cow::Borrowed(_)));
+    }
+}

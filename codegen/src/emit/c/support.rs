@@ -312,3 +312,21 @@ static REAL @solve_pivoted(int rows, int unknowns, int sides, REAL *a, REAL *b, 
     return (#0.0 < largest ? smallest / largest : #0.0) + poison;
 }
 ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_robots_that_are_words_of_templates_stay_names() {
+        let template = "static REAL @f(const REAL *RESTRICT x) { return $FMS(x[0], #2.0, FMAS); }";
+        for name in ["restrict", "real", "floats", "fmas", "arm"] {
+            let upper = name.to_ascii_uppercase();
+            let expected = format!(
+                "static double {name}_f(const double *{upper}_RESTRICT x) {{ return \
+                 {upper}_FMS(x[0], 2.0, fma); }}"
+            );
+            assert_eq!(spelled(template, name, Precision::Double), expected);
+        }
+    }
+}

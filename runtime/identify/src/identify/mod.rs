@@ -14,6 +14,7 @@ mod pending;
 mod recorded;
 mod replay;
 mod residual_passes;
+mod rests;
 mod sampling;
 mod slower;
 mod stored;

@@ -4,11 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use super::delay::{DelayFit, DelayScores, Delays};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
-use super::filtering::{Filtering, Standstill};
+use super::filtering::Filtering;
 use super::huber::{Reweighting, partitioned, reweighted};
 use super::instruments::MotionSeries;
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
+use super::rests::{Moving, without_rests};
 use super::sampling::ChangedEfforts;
 use super::slower::delays_of_slower_motion;
 use super::stored::StoredEquations;
@@ -19,7 +20,6 @@ use crate::estimate::{
     Residuals, Weighting, bartlett_stretches,
 };
 use crate::friction::nonlinear_joints;
-use crate::signals::Smoothing;
 use regen_runtime::BaseModel;
 
 /// A log that can be read any number of times: each pass of the identification reads it once.
@@ -139,7 +139,7 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 }
 
 /// Reduces a log to one QR factor for each effort.
-fn reduce<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+pub(super) fn reduce<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
 ) -> Result<FactorSet, S::Error> {
     let origin = replay.origin();
@@ -419,109 +419,6 @@ pub fn errors_of_prediction<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         residuals.push_used(found.tau, &fitted, &used)
     })?;
     Ok(residuals)
-}
-
-/// The part of an effort's noise that static friction may have in an equation.
-const FRICTION_PART: f64 = 0.3;
-/// The least part of a filter's memory that is told from none.
-const MIN_RESTED_PART: f64 = 5e-4;
-/// How often the part is made smaller: with less static friction in them, residuals are smaller.
-const NARROWINGS: usize = 2;
-/// Efforts keep at least this part of their equations.
-const MIN_KEPT_PART: f64 = 0.25;
-
-/// Least squares with equations whose noise exceeds the static friction in them. No column describes that
-/// friction, and a filter spreads it from a rest over the equations beside it; the lower its cutoff, the
-/// less noise there is for it to vanish in.
-fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    replay: &mut Replay<'_, M, S>,
-    weighting: Weighting,
-) -> Result<Moving, S::Error> {
-    let mut set = reduce(replay)?;
-    let rests: usize = replay.left_out().resting.iter().sum();
-    let mut estimate = Estimate::new(&set, weighting).map_err(|why| why.beside_rests(rests))?;
-    let filtering = replay.source().filtering();
-    if rests == 0
-        || filtering.smoothing == Smoothing::None
-        || filtering.standstill != Standstill::Drop
-    {
-        return Ok(Moving::new(set, estimate));
-    }
-    let mut change = Vec::new();
-    for narrowing in 0..NARROWINGS {
-        let before = replay.rested();
-        let Some(part) = narrower(&set, &estimate, before) else {
-            break;
-        };
-        replay.set_rested(part);
-        let fewer = reduce(replay)?;
-        let pairs = fewer.factors().iter().zip(set.factors());
-        let mut pairs = pairs.map(|(own, all)| (own.rows(), own.contained(), all.rows()));
-        let is_enough = pairs.all(|(own, contained, all)| {
-            own >= 3 * contained && own as f64 >= MIN_KEPT_PART * all as f64
-        });
-        let found = Estimate::new(&fewer, weighting);
-        match found {
-            Ok(found) if is_enough => (set, estimate) = (fewer, found),
-            found => {
-                // what few equations differ by is noise up to two of their deviations
-                if let (Ok(found), 0) = (found, narrowing) {
-                    let pairs = found.values.iter().zip(&estimate.values).enumerate();
-                    let beyond = |(k, (a, b)): (usize, (&f64, &f64))| {
-                        ((a - b).abs() - 2.0 * found.sigma(k))
-                            .max(0.0)
-                            .copysign(a - b)
-                    };
-                    change = pairs.map(beyond).collect();
-                }
-                replay.set_rested(before);
-                set = reduce(replay)?;
-                break;
-            }
-        }
-    }
-    Ok(Moving {
-        change,
-        ..Moving::new(set, estimate)
-    })
-}
-
-/// Least squares with equations of coordinates that move.
-struct Moving {
-    set: FactorSet,
-    estimate: Estimate,
-    /// By how much static friction may move the parameters where too few equations are without it; empty
-    /// where enough are.
-    change: Vec<f64>,
-}
-
-impl Moving {
-    fn new(set: FactorSet, estimate: Estimate) -> Self {
-        Self {
-            set,
-            estimate,
-            change: Vec::new(),
-        }
-    }
-}
-
-/// The largest part of a filter's memory in which a coordinate may have rested so that noise exceeds static
-/// friction; `None` where that is not much less than it was.
-fn narrower(set: &FactorSet, estimate: &Estimate, before: f64) -> Option<f64> {
-    let mut least = before;
-    for (factor, effort) in set.factors().iter().zip(&estimate.efforts) {
-        let columns = factor.r().chunks_exact(factor.columns().max(1));
-        let friction = columns.zip(&estimate.values).zip(factor.labels());
-        let friction = friction.filter(|(_, label)| label.starts_with("Fc("));
-        let squares = friction
-            .map(|((column, value), _)| column.iter().map(|x| x * x).sum::<f64>() * value * value);
-        let rms = (squares.sum::<f64>() / factor.rows().max(1) as f64).sqrt();
-        if rms > 0.0 {
-            least = least.min(FRICTION_PART * effort.sigma / rms);
-        }
-    }
-    let least = least.max(MIN_RESTED_PART);
-    (least < 0.7 * before).then_some(least)
 }
 
 /// Identifies base parameters from equations that can be visited any number of times.

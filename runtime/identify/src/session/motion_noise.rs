@@ -404,3 +404,61 @@ pub(super) fn is_undetermined(error: &DataError) -> bool {
             )
     )
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    /// The factor of rows `[x, y]` with efforts `2 x + y`, both columns with these standard deviations.
+    fn factor(deviations: [f64; 2]) -> QrFactor {
+        let labels = ["a", "b"].map(str::to_owned).to_vec();
+        let mut factor = QrFactor::new(labels);
+        for k in 0..400 {
+            let (x, y) = if k % 2 == 0 { (1.0, 1.0) } else { (1.0, -1.0) };
+            // the efforts are those of the motion, whose deviations are 1 and 0
+            let row = [x * deviations[0], y * deviations[1]];
+            factor.push_block(&row, &[2.0 * x]).unwrap();
+        }
+        factor
+    }
+
+    #[test]
+    fn a_combination_that_noise_determines_has_the_deviation_that_noise_leaves() {
+        // the second column is noise alone, and its value is zero by chance
+        let without = factor([1.0, 0.1]);
+        let noisy = factor([1.0, 0.1 * (1.0 + SCALE * SCALE).sqrt()]);
+        let covariance = [1e-6, 0.0, 0.0, 0.04];
+        let found = MotionBias::new(&without, [&noisy, &noisy], &covariance).unwrap();
+        let size = size_of(&found.changes, 2);
+        assert!(size[0] < 1e-9, "{size:?}");
+        let expected = 0.2 * MAX_NOISE_PART / (1.0 - MAX_NOISE_PART);
+        assert!(
+            (size[1] / expected - 1.0).abs() < 1e-6,
+            "{size:?} {expected}"
+        );
+        assert!(found.correction.iter().all(|x| x.abs() < 1e-9));
+    }
+
+    #[test]
+    fn a_known_part_of_noise_is_taken_out_of_the_value() {
+        // a third of the first column's square is noise
+        let without = factor([1.5_f64.sqrt(), 1.0]);
+        let noisy = factor([(1.5 + 0.5 * SCALE * SCALE).sqrt(), 1.0]);
+        let covariance = [1e-6, 0.0, 0.0, 1e-6];
+        let found = MotionBias::new(&without, [&noisy, &noisy], &covariance).unwrap();
+        let biased = without.solve().unwrap();
+        let scale = 1.5_f64.sqrt();
+        // the efforts do not grow with the noise: the moment is that of the motion
+        let part = 1.0 / 3.0;
+        let moment = 1.0 - ((1.5 + 0.5 * SCALE * SCALE).sqrt() / scale - 1.0) / (SCALE * SCALE);
+        let expected = biased[0] - biased[0] * moment / (1.0 - part);
+        assert!(
+            (found.correction[0] - expected).abs() < 1e-9,
+            "{:?} {expected}",
+            found.correction
+        );
+        assert!(found.correction[1].abs() < 1e-9);
+    }
+}

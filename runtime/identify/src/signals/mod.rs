@@ -274,6 +274,9 @@ impl Method {
     ///
     /// let asked = Method::Butterworth { order: 4, cutoff: 5.0 };
     /// assert_eq!(asked.of_states(0.01), Method::Butterworth { order: 4, cutoff: 15.0 });
+    /// // a filter of lower order would bend the motion at the equations' cutoff
+    /// let low = Method::Butterworth { order: 2, cutoff: 5.0 };
+    /// assert_eq!(low.of_states(0.01), Method::Butterworth { order: 4, cutoff: 15.0 });
     /// // a series averages the noise away and needs no filter
     /// let series = Method::Fourier { frequency: 0.1, harmonics: 5 };
     /// assert_eq!(series.of_states(0.01), series);
