@@ -244,4 +244,17 @@ mod tests {
             assert_eq!(relisted(text, &names(&["a"])), None, "{text:?}");
         }
     }
+
+    #[test]
+    fn a_banner_is_one_comment_whatever_the_file_is_called() {
+        for name in ["a\nint evil;.yaml", "a\r.yaml", "a\u{2028}b.yaml", "a.yaml"] {
+            let line = banner(Path::new(name), "regen generate");
+            assert!(line.starts_with("// ") && line.ends_with(".\n"), "{line}");
+            let inside = line.trim_end_matches('\n');
+            assert!(
+                !inside.contains(|c: char| c.is_control() || c == '\u{2028}'),
+                "{line}"
+            );
+        }
+    }
 }
