@@ -6,10 +6,11 @@ use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
 use regen_identify::data::{Assignment, Checks, Policy, Run, Settings};
 use regen_identify::experiment_file::ExperimentFile;
-use regen_identify::session::chosen as filter_of;
+use regen_identify::session::{Choice, chosen as filter_of};
 use regen_identify::signals::Method;
 use regen_inspect::{
-    ClockSource, LogFacts, Prediction, VERSION, delays_by_model, inspect, predict, proposal,
+    ClockSource, LogFacts, Prediction, VERSION, completed, delays_by_model, inspect, predict,
+    proposal,
 };
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{Inspection, Suspected, inspection_text};
@@ -40,6 +41,7 @@ struct InspectJson<'a> {
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let mut args = args.clone();
     take_spec(&mut args)?;
+    let experiment = args.logs.iter().find_map(experiment::yaml_path);
     let source = args.spec.as_deref().map(load::source).transpose()?;
     let validation = experiment::resolve_for(&mut args.logs, &mut args.reading, source.as_ref())?;
     args.logs.extend(validation);
@@ -60,19 +62,22 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         .iter()
         .map(|run| inspect(run, &settings, info.as_ref()))
         .collect::<Result<Vec<LogFacts>, _>>()?;
+    let mut filter = None;
     let (prediction, doubts, unpredicted) = match (&model, &robot) {
-        (Some(model), Some(robot)) => match predicted(model, robot, &args, &chosen, &mut logs)? {
-            Ok((found, doubts)) => (Some(found), doubts, None),
-            Err(why) => (None, Vec::new(), Some(why)),
-        },
+        (Some(model), Some(robot)) => {
+            match predicted(model, robot, &args, &chosen, (&mut logs, &mut filter))? {
+                Ok((found, doubts)) => (Some(found), doubts, None),
+                Err(why) => (None, Vec::new(), Some(why)),
+            }
+        }
         _ => (None, Vec::new(), None),
     };
     let relative = relative_to(&args.logs, args.out.as_deref());
-    let mut proposed = proposal(&relative, &logs, robot.is_some());
-    let experiment = args.reading.experiment.as_ref();
-    if let (true, Some(text)) = (experiment.is_some_and(|e| e.carries()), &mut proposed) {
-        text.push_str("# what runs carry is not copied: state `payload` of each as before\n");
-    }
+    let stated = match &experiment {
+        Some(path) => stated(path, args.out.as_deref(), &logs, filter.as_ref())?,
+        None => None,
+    };
+    let proposed = stated.or_else(|| proposal(&relative, &logs, robot.is_some(), filter.as_ref()));
     let doubt_texts: Vec<String> = doubts.iter().map(ToString::to_string).collect();
     let found = Inspection {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
@@ -107,6 +112,44 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         return Err(Failure::Input(nothing_to_propose(found.robot)));
     }
     Ok(())
+}
+
+/// The experiment file that was inspected, with what it states, and what the logs propose beside it; `None`
+/// where it takes no further keys.
+fn stated(
+    path: &Path,
+    out: Option<&Path>,
+    logs: &[LogFacts],
+    filter: Option<&Choice>,
+) -> Result<Option<String>, Failure> {
+    let text = load::text(path)?;
+    let Some(text) = completed(&text, logs, filter) else {
+        return Ok(None);
+    };
+    let folder = |path: &Path| path.parent().map(Path::to_path_buf).unwrap_or_default();
+    let name = path
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    let own = folder(path);
+    let place = match out.map(folder) {
+        Some(other) if other != own => {
+            format!(
+                "; read it with --logs {}",
+                if own.as_os_str().is_empty() {
+                    Path::new(".")
+                } else {
+                    &own
+                }
+                .display()
+            )
+        }
+        _ => String::new(),
+    };
+    Ok(Some(format!(
+        "# {name} with what its logs propose: check it before it is used{place}.\n{text}"
+    )))
 }
 
 /// Why no experiment file is proposed.
@@ -251,7 +294,7 @@ fn reading(
         log
     };
     let logs: Vec<LogFacts> = logs.iter().map(as_logged).collect();
-    let Some(text) = proposal(runs, &logs, true) else {
+    let Some(text) = proposal(runs, &logs, true, None) else {
         return Ok((settings.with_gains(&[]), has_placeholders));
     };
     let file = ExperimentFile::read(&text, info).map_err(|wrong| {
@@ -277,14 +320,14 @@ fn reading(
 }
 
 /// The prediction of what the logs can identify, and the contradictions between logs and robot; adds
-/// delays to the efforts in `logs` if none has one. The inner error is the reason why the logs cannot
+/// delays to the efforts in `logs` if none has one, and gives the filter that was chosen. The inner error is the reason why the logs cannot
 /// be read for this robot, in words.
 fn predicted(
     model: &Interpreted<'_>,
     robot: &Robot,
     args: &InspectArgs,
     chosen: &Chosen,
-    logs: &mut [LogFacts],
+    (logs, filter): (&mut [LogFacts], &mut Option<Choice>),
 ) -> Result<Result<(Prediction, Vec<Suspected>), String>, Failure> {
     if model.base_info().base.is_empty() {
         return Ok(Err(format!("{} has no base parameters", robot.name)));
@@ -326,6 +369,7 @@ fn predicted(
         // a log whose motion determines nothing keeps the filter that its spectrum proposes
         if let Ok(Some(choice)) = filter_of(&session, &runs) {
             session.reading = choice.applied(&session.reading);
+            *filter = Some(choice.clone());
             for k in &chosen.runs {
                 if let Some(log) = logs.get_mut(*k) {
                     log.cutoff = Some(choice.cutoff);

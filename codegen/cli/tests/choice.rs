@@ -240,3 +240,46 @@ fn velocities_that_lag_are_computed_from_the_positions_and_good_ones_are_used() 
     assert_eq!(errors(&[]), errors(&[&options[..], &["computed"]].concat()));
     assert_ne!(errors(&[]), errors(&[&options[..], &["measured"]].concat()));
 }
+
+#[test]
+fn inspect_proposes_what_identification_chooses_and_keeps_what_a_file_states() {
+    let dir = simulated("choice_inspect", "1e-4,0.02");
+    let spec = spec();
+    let inspect = |file: &str, out: &str| {
+        let words = ["inspect", file, "--spec", &spec, "--out", out];
+        regen(&dir, &words).ended(0);
+        fs::read_to_string(dir.join(out)).unwrap()
+    };
+    let identify = |file: &str| {
+        let words = ["identify", &spec, file, "--format", "json"];
+        regen(&dir, &words).ended(0).json()
+    };
+    inspect("log.csv", "first.yaml");
+    let chosen = identify("log.csv");
+    assert_eq!(rows(&identify("first.yaml")), rows(&chosen));
+
+    // a gain, a comment, a purpose and a key of `process`, in both ways to write them
+    let columns = "columns:\n  tau_q1: {column: tau_q1, gain: 1.5, unit: A} # of the drive\n";
+    let runs = "runs:\n  - {files: [log.csv], rows: [1, 4000]}\n  - {files: [log.csv], rows: [4001, 5000], use: validate}\n";
+    for (name, process) in [
+        ("none", ""),
+        ("flow", "process: {standstill: {velocity: 1e-4}}\n"),
+        ("block", "process:\n    standstill: {velocity: 1e-4}\n"),
+    ] {
+        let (file, out) = (format!("{name}.yaml"), format!("{name}2.yaml"));
+        fs::write(dir.join(&file), format!("{columns}{process}{runs}")).unwrap();
+        let text = inspect(&file, &out);
+        assert!(text.contains(columns) && text.contains(runs), "{text}");
+        assert!(
+            process.is_empty() || text.contains("standstill: {velocity: 1e-4}"),
+            "{text}"
+        );
+        assert!(text.contains("filter: {butterworth: {order: 2"), "{text}");
+        assert_eq!(rows(&identify(&file)), rows(&identify(&out)), "{text}");
+    }
+    // what is stated stays as it is
+    let text =
+        format!("{columns}process:\n  filter: {{butterworth: {{order: 4, cutoff: 6}}}}\n{runs}");
+    fs::write(dir.join("given.yaml"), &text).unwrap();
+    assert!(inspect("given.yaml", "given2.yaml").ends_with(&text));
+}

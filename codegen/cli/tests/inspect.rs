@@ -363,7 +363,7 @@ fn runs_with_a_payload_are_described_and_predicted_from_those_without_one() {
         let notes = prediction["notes"].to_string();
         assert!(notes.contains(note), "{notes}");
         let proposed = found["proposal"].as_str().unwrap();
-        assert!(proposed.contains("state `payload` of each"), "{proposed}");
+        assert!(proposed.contains(&runs), "{proposed}");
         let parameters = prediction["parameters"].as_array().unwrap();
         assert!(
             parameters.iter().any(|p| p["sigma"].is_number()),

@@ -48,7 +48,7 @@ pub use names::Role;
 pub use needs::{Kind, Need};
 pub use period::Period;
 pub use predict::{EffortNoise, ExpectedStatus, PredictedParameter, Prediction, predict};
-pub use proposal::proposal;
+pub use proposal::{completed, proposal};
 pub use relations::Derivative;
 pub use spectrum::{Spectrum, amplitude_density};
 

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_identify::data::{Join, Run};
+use regen_identify::session::Choice;
 use regen_identify::text::figure_of;
 
 use crate::clock::ClockSource;
@@ -277,10 +278,16 @@ fn comment(out: &mut String, text: &str) {
 /// - `runs`: the runs that were inspected;
 /// - `facts`: the facts that were found in each;
 /// - `robot`: whether the joints have the names of a robot's description. Without one, columns without
-///   names are given by `*` for any robot's coordinates in their order.
+///   names are given by `*` for any robot's coordinates in their order;
+/// - `choice`: the filter that was chosen from the logs; without one, that of their spectra.
 ///
 /// Returns `None` if no log has columns that were recognised as positions.
-pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String> {
+pub fn proposal(
+    runs: &[Run],
+    facts: &[LogFacts],
+    robot: bool,
+    choice: Option<&Choice>,
+) -> Option<String> {
     let found = facts.iter().find(|f| !f.joints.is_empty())?;
     let mut out = String::from("# Proposed from what the logs hold: check it before it is used.\n");
     out.push_str("columns:\n");
@@ -326,7 +333,7 @@ pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String>
             let _ = writeln!(out, "rate: {}", number(clock.rate));
         }
     }
-    process(&mut out, found);
+    write_process(&mut out, found, choice);
     checks(&mut out, facts);
     out.push_str("runs:\n");
     for run in runs {
@@ -364,27 +371,49 @@ fn number(value: f64) -> String {
     rounded.to_string()
 }
 
-/// Writes `process`: resampling, filter and delay, as far as the log needs them.
-fn process(out: &mut String, found: &LogFacts) {
+/// The keys of `process` with their values as far as logs need them: resampling, filter and delay.
+///
+/// - `choice`: the filter that was chosen from the logs.
+fn process(found: &LogFacts, choice: Option<&Choice>) -> Vec<(&'static str, String)> {
     let clock = &found.clock;
+    let mut keys = Vec::new();
     let uneven = !clock.even && clock.source == ClockSource::Column;
-    let cutoff = found
-        .cutoff
-        .filter(|_| clock.source != ClockSource::Unknown);
-    let late = !late_efforts(found).is_empty();
-    if !uneven && cutoff.is_none() && !late {
+    let chosen = choice.and_then(|own| own.resample);
+    if chosen.is_some() || uneven {
+        let rate: f64 = figure_of(2, clock.rate).parse().unwrap_or(clock.rate);
+        keys.push(("resample", chosen.unwrap_or(rate).to_string()));
+    }
+    if let Some(own) = choice {
+        let filter = format!(
+            "{{butterworth: {{order: {}, cutoff: {}}}}}",
+            own.order, own.cutoff
+        );
+        keys.push(("filter", filter));
+        if own.decimation > 1 {
+            keys.push(("decimate", own.decimation.to_string()));
+        }
+        if own.velocities.is_some_and(|own| own.are_computed) {
+            keys.push(("velocities", "computed".to_owned()));
+        }
+    } else if let (Some(cutoff), true) = (found.cutoff, clock.source != ClockSource::Unknown) {
+        let filter = format!("{{butterworth: {{order: {ORDER}, cutoff: {cutoff}}}}}");
+        keys.push(("filter", filter));
+    }
+    if !late_efforts(found).is_empty() {
+        keys.push(("delay", "auto".to_owned()));
+    }
+    keys
+}
+
+/// Writes `process`, with what is known of the period and of delays.
+fn write_process(out: &mut String, found: &LogFacts, choice: Option<&Choice>) {
+    let keys = process(found, choice);
+    if keys.is_empty() {
         return;
     }
     out.push_str("process:\n");
-    if uneven {
-        let rate: f64 = figure_of(2, clock.rate).parse().unwrap_or(clock.rate);
-        let _ = writeln!(out, "  resample: {rate}");
-    }
-    if let Some(cutoff) = cutoff {
-        let _ = writeln!(
-            out,
-            "  filter: {{butterworth: {{order: {ORDER}, cutoff: {cutoff}}}}}"
-        );
+    for (key, value) in &keys {
+        let _ = writeln!(out, "  {key}: {value}");
     }
     if let Some(period) = found.period {
         let _ = writeln!(
@@ -395,13 +424,64 @@ fn process(out: &mut String, found: &LogFacts) {
         );
     }
     let unclear = |log: &LogFacts| log.efforts.iter().all(|effort| effort.delay.is_none());
-    if late {
-        out.push_str("  delay: auto\n");
-    } else if !found.efforts.is_empty() && unclear(found) {
+    if keys.iter().all(|(key, _)| *key != "delay") && !found.efforts.is_empty() && unclear(found) {
         out.push_str(
             "  # whether efforts are late is unclear: `delay: auto` finds it in the fit\n",
         );
     }
+}
+
+/// An experiment file with everything that it states, and the keys of `process` that the logs propose and it
+/// lacks; `None` where it is written in a way that takes no further line.
+///
+/// - `text`: the file; `facts`: the facts that were found in each of its runs;
+/// - `choice`: the filter that was chosen from the logs, `None` if the file states one.
+pub fn completed(text: &str, facts: &[LogFacts], choice: Option<&Choice>) -> Option<String> {
+    let found = facts.iter().find(|f| !f.joints.is_empty())?;
+    let lines: Vec<&str> = text.lines().collect();
+    let place = lines.iter().position(|line| line.starts_with("process:"));
+    let stated = |key: &str| {
+        let lines = place.map_or(&[][..], |place| &lines[place..]);
+        lines.iter().any(|line| line.contains(&format!("{key}:")))
+    };
+    let mut keys = process(found, choice);
+    keys.retain(|(key, _)| !stated(key) && (choice.is_some() || *key == "delay"));
+    let mut out: Vec<String> = lines.iter().map(|line| (*line).to_owned()).collect();
+    if keys.is_empty() {
+        return Some(text.to_owned());
+    }
+    let Some(place) = place else {
+        // a document in braces takes no further line
+        if !lines.iter().any(|line| line.starts_with("runs:")) {
+            return None;
+        }
+        out.push("process:".to_owned());
+        out.extend(keys.iter().map(|(key, value)| format!("  {key}: {value}")));
+        return Some(out.join("\n") + "\n");
+    };
+    let line = lines.get(place).copied().unwrap_or_default();
+    let rest = line.trim_start_matches("process:");
+    let rest = rest.split(" #").next().unwrap_or_default().trim();
+    if let Some(inside) = rest.strip_prefix('{') {
+        let keys: Vec<String> = keys
+            .iter()
+            .map(|(key, value)| format!("{key}: {value}"))
+            .collect();
+        let comma = if inside.trim() == "}" { "" } else { ", " };
+        out[place] = line.replacen('{', &format!("{{{}{comma}", keys.join(", ")), 1);
+    } else if rest.is_empty() {
+        let below = lines.get(place + 1..).unwrap_or_default();
+        let first = below.iter().find(|line| !line.trim().is_empty());
+        let indent = first.map_or(2, |line| line.len() - line.trim_start().len());
+        let indent = " ".repeat(if indent == 0 { 2 } else { indent });
+        let keys = keys.iter().rev();
+        for (key, value) in keys {
+            out.insert(place + 1, format!("{indent}{key}: {value}"));
+        }
+    } else {
+        return None;
+    }
+    Some(out.join("\n") + "\n")
 }
 
 /// Writes `checks`: faulty rows are dropped if there are any.

@@ -202,14 +202,14 @@ fn the_delay_of_efforts_is_found_within_its_deviation() {
             delay > 0.0
         );
         let facts = std::slice::from_ref(&found);
-        let text = proposal(&[Run::from(path.as_path())], facts, false).unwrap();
+        let text = proposal(&[Run::from(path.as_path())], facts, false, None).unwrap();
         assert_eq!(text.contains("  delay: auto\n"), delay > 0.0, "{text}");
         // and if nothing else has to be processed
         let bare = LogFacts {
             cutoff: None,
             ..found
         };
-        let text = proposal(&[Run::from(path)], &[bare], false).unwrap();
+        let text = proposal(&[Run::from(path)], &[bare], false, None).unwrap();
         assert_eq!(text.contains("process:\n  "), delay > 0.0, "{text}");
         assert_eq!(text.contains("process:"), delay > 0.0, "{text}");
     }
@@ -300,7 +300,7 @@ fn a_log_without_header_and_time_is_understood_by_its_derivatives() {
         "{}",
         found.clock.rate
     );
-    let text = proposal(&[Run::from(path)], &[found], false).unwrap();
+    let text = proposal(&[Run::from(path)], &[found], false, None).unwrap();
     for line in [
         "  \"*\": {column: 1..2}",
         "  \"qd_*\": {column: 3..4}",
@@ -431,7 +431,7 @@ fn an_uneven_clock_is_not_taken_for_noise_of_the_positions() {
     // the highest frequency of the motion, widened by the window of the spectrum
     let cutoff = found.cutoff.unwrap();
     assert!((5.0..6.5).contains(&cutoff), "{cutoff}");
-    let text = proposal(&[Run::from(PathBuf::from("a.csv"))], &[found], false).unwrap();
+    let text = proposal(&[Run::from(PathBuf::from("a.csv"))], &[found], false, None).unwrap();
     assert!(text.contains("  resample: 100\n  filter: "), "{text}");
 }
 
@@ -465,7 +465,7 @@ fn a_joint_that_stands_still_is_told_once_and_hides_no_period() {
 /// The proposal for a log of one found log.
 fn proposed(found: &LogFacts) -> String {
     let run = Run::from(PathBuf::from("a.csv"));
-    proposal(&[run], std::slice::from_ref(found), false).unwrap()
+    proposal(&[run], std::slice::from_ref(found), false, None).unwrap()
 }
 
 #[test]
@@ -580,7 +580,7 @@ fn columns_are_matched_with_coordinates_by_their_words_and_the_topic_is_kept() {
     let expected = [("wrist", Some(3), Some(5)), ("elbow", Some(2), Some(4))];
     assert_eq!(columns, expected);
     run.topic = Some("/joint_states".to_owned());
-    let text = proposal(&[run], &[found], true).unwrap();
+    let text = proposal(&[run], &[found], true, None).unwrap();
     assert!(
         text.contains("elbow: {column: /joint_states/elbow/position}"),
         "{text}"
