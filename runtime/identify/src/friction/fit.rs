@@ -114,6 +114,8 @@ pub(super) struct Optimum {
 /// The arguments and state of the search.
 struct Search<'a> {
     data: &'a FrictionData,
+    /// The law of each joint: its own, or one that it contains.
+    laws: Vec<Friction>,
     combinations: BaseMap,
     layout: ParameterLayout,
     options: &'a Options,
@@ -136,7 +138,60 @@ struct Point {
     cost: f64,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    /// A search for the shapes of these laws.
+    fn new(
+        data: &'a FrictionData,
+        laws: &[Friction],
+        combinations: &BaseMap,
+        layout: &ParameterLayout,
+        options: &'a Options,
+    ) -> Result<Self, FeasibilityError> {
+        let coefficients = data.coefficients(laws);
+        let pairs = laws.iter().zip(data.fastest());
+        Ok(Self {
+            data,
+            laws: laws.to_vec(),
+            combinations: combinations.extended(&coefficients),
+            layout: layout.extended(&coefficients)?,
+            options,
+            first: pairs.map(|(law, v)| start(*law, 0, v)).collect(),
+            known: None,
+            step_known: None,
+            programmes: 0,
+        })
+    }
+
+    /// The best point reached from all starts, and whether the search converged.
+    fn best(&mut self) -> Result<(Point, bool), FeasibilityError> {
+        let fastest = self.data.fastest();
+        let mut points = Vec::with_capacity(STARTS);
+        for which in 0..STARTS {
+            let pairs = self.laws.iter().zip(&fastest);
+            let shapes = pairs.map(|(law, v)| start(*law, which, *v)).collect();
+            points.push(self.point(shapes)?);
+        }
+        let composed = self.composed(&points)?;
+        if points.iter().all(|point| point.shapes != composed) {
+            points.push(self.point(composed)?);
+        }
+        points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        points.truncate(2);
+        let mut best: Option<Point> = None;
+        for point in points {
+            let (end, _) = self.descend(point, STEPS_PER_START);
+            if best.as_ref().is_none_or(|b| end.cost < b.cost) {
+                best = Some(end);
+            }
+        }
+        let best = best.ok_or(FeasibilityError::Size {
+            what: "starts",
+            expected: STARTS,
+            got: 0,
+        })?;
+        Ok(self.descend(best, MAX_STEPS))
+    }
+
     fn solve(
         &mut self,
         factor: &QrFactor,
@@ -155,7 +210,7 @@ impl Search<'_> {
         more: &[String],
     ) -> Result<(ParameterLayout, BaseMap), FeasibilityError> {
         let base = self.data.labels.len();
-        let p = self.layout.len() - self.data.coefficients(&self.data.laws).len();
+        let p = self.layout.len() - self.data.coefficients(&self.laws).len();
         let layout = self.layout.first(p).extended(more)?;
         let kept: Vec<usize> = (0..base).collect();
         let rows = self.combinations.select(&kept)?;
@@ -187,7 +242,7 @@ impl Search<'_> {
 
     /// Solves for the best parameters with these shapes.
     fn point(&mut self, shapes: Vec<[f64; SHAPES]>) -> Result<Point, FeasibilityError> {
-        let equations = self.data.linearised(&self.data.laws, &shapes)?;
+        let equations = self.data.linearised(&self.laws, &shapes)?;
         let factor = equations.factor()?;
         let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
         let options = self.padded(&layout);
@@ -217,7 +272,7 @@ impl Search<'_> {
         for point in points {
             let factor = point.equations.factor()?;
             let mut first = self.data.labels.len();
-            let joints = self.data.laws.iter().zip(&point.shapes);
+            let joints = self.laws.iter().zip(&point.shapes);
             for ((law, from), (shape, most)) in joints.zip(shapes.iter_mut().zip(&mut most)) {
                 let columns: Vec<usize> = curved(*law).into_iter().map(|c| first + c).collect();
                 let part = explained(&factor, &columns, &point.solution.beta)?;
@@ -298,7 +353,7 @@ impl Search<'_> {
     /// The shapes after steps of their logarithms, kept in their range.
     fn moved(&self, shapes: &[[f64; SHAPES]], by: &[f64]) -> Vec<[f64; SHAPES]> {
         let mut by = by.iter();
-        let laws = self.data.laws.iter().zip(&self.first);
+        let laws = self.laws.iter().zip(&self.first);
         let pairs = shapes.iter().zip(laws);
         pairs
             .map(|(shape, (law, first))| {
@@ -348,6 +403,17 @@ impl Search<'_> {
     }
 }
 
+/// The exponent with which Stribeck's law is the one of LuGre at constant velocity.
+const LUGRE_EXPONENT: f64 = 2.0;
+
+/// The law with one shape parameter less that a law contains; itself where there is none.
+fn contained(law: Friction) -> Friction {
+    match law {
+        Friction::Stribeck => Friction::Lugre,
+        law => law,
+    }
+}
+
 /// Fits nonlinear friction together with all other parameters.
 ///
 /// - `combinations`: how the r columns of the data combine the p parameters of `layout`; neither
@@ -365,48 +431,29 @@ pub fn fit(
     layout: &ParameterLayout,
     options: &Options,
 ) -> Result<FrictionFit, FeasibilityError> {
-    let coefficients = data.coefficients(&data.laws);
-    let fastest = data.fastest();
-    let shapes = |which: usize| -> Vec<[f64; SHAPES]> {
-        let laws = data.laws.iter().zip(&fastest);
-        laws.map(|(law, v)| start(*law, which, *v)).collect()
-    };
-    let mut search = Search {
-        data,
-        combinations: combinations.extended(&coefficients),
-        layout: layout.extended(&coefficients)?,
-        options,
-        first: shapes(0),
-        known: None,
-        step_known: None,
-        programmes: 0,
-    };
+    let mut search = Search::new(data, &data.laws, combinations, layout, options)?;
     let (mut straight, seed) = linear(&mut search, true)?;
-    let mut points = Vec::with_capacity(STARTS);
-    for which in 0..STARTS {
-        points.push(search.point(shapes(which))?);
-    }
-    let composed = search.composed(&points)?;
-    if points.iter().all(|point| point.shapes != composed) {
-        points.push(search.point(composed)?);
-    }
-    points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    points.truncate(2);
-    let mut best: Option<Point> = None;
-    for point in points {
-        let (end, _) = search.descend(point, STEPS_PER_START);
-        if best.as_ref().is_none_or(|b| end.cost < b.cost) {
-            best = Some(end);
+    let (mut best, mut converged) = search.best()?;
+    // no law ends above one that it contains: the search starts where that one's ends, too
+    let contained: Vec<Friction> = data.laws.iter().map(|law| contained(*law)).collect();
+    if contained != data.laws {
+        let mut inner = Search::new(data, &contained, combinations, layout, options)?;
+        let (point, _) = inner.best()?;
+        search.programmes += inner.programmes;
+        let pairs = data.laws.iter().zip(&contained).zip(point.shapes);
+        let shapes = pairs.map(|((law, inner), shape)| {
+            if law == inner {
+                shape
+            } else {
+                [shape[0], LUGRE_EXPONENT]
+            }
+        });
+        let point = search.point(shapes.collect())?;
+        let (end, is_end) = search.descend(point, MAX_STEPS);
+        if end.cost < best.cost {
+            (best, converged) = (end, is_end);
         }
     }
-    let Some(best) = best else {
-        return Err(FeasibilityError::Size {
-            what: "starts",
-            expected: STARTS,
-            got: 0,
-        });
-    };
-    let (mut best, converged) = search.descend(best, MAX_STEPS);
     best.solution = search.finished(&best)?;
 
     // Programmes are solved to a tolerance: if nothing is gained, the result is linear friction,
@@ -467,22 +514,11 @@ pub(super) fn moved_optimum(
     options: &Options,
     from: &FrictionFit,
 ) -> Result<Optimum, FeasibilityError> {
-    let coefficients = data.coefficients(&data.laws);
-    let laws = data.laws.iter().zip(data.fastest());
     let options = Options {
         rough: true,
         ..options.clone()
     };
-    let mut search = Search {
-        data,
-        combinations: combinations.extended(&coefficients),
-        layout: layout.extended(&coefficients)?,
-        options: &options,
-        first: laws.map(|(law, v)| start(*law, 0, v)).collect(),
-        known: None,
-        step_known: None,
-        programmes: 0,
-    };
+    let mut search = Search::new(data, &data.laws, combinations, layout, &options)?;
     let point = &from.point;
     let (solution, shapes) = if point.laws == data.laws {
         let start = search.point(point.shapes.clone())?;
