@@ -184,6 +184,7 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         .delays
         .retain(|(name, _)| !given.iter().any(|(own, _)| own == name));
     settings.delays.extend(given);
+    settings.are_delays_found = reading.has_found_delays;
     settings
 }
 

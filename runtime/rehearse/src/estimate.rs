@@ -97,6 +97,7 @@ where
 {
     if finds_delays && estimator.reads_motion() {
         session.reading.delays = settled_delays(session, runs)?;
+        session.reading.are_delays_found = true;
     }
     match estimator {
         Estimator::LeastSquares => Ok(Ok(least_squares(session, runs)?.model())),

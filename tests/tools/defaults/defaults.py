@@ -28,7 +28,8 @@ moves with rests between them), `sweep` (sines of rising frequency).
 Noise is that of the positions, several kinds joined by `+`: `white:1e-5` (standard deviation, rad or m),
 `steps:1e-4` (an encoder's steps), `jitter:0.3` (each row is measured at an instant off its time by this
 standard deviation, in samples), `cjitter:0.3` (the same, correlated over about 15 rows), `none`. `vel:1e-3` logs
-velocities too, with white noise of this deviation, and `vlag:2` lets them lag by so many samples. The
+velocities too, with white noise of this deviation, and `vlag:2` lets them lag by so many samples; `late:0.4`
+logs the efforts so many samples late. The
 efforts have white noise of --effort times their rms.
 
 A cell's figures: `error`, the rms of W (b - truth) over that of the efforts on another motion of the same
@@ -83,7 +84,7 @@ def parts(noise):
     out = {}
     for word in noise.split("+"):
         kind, _, size = word.partition(":")
-        if kind not in ("white", "steps", "jitter", "cjitter", "vel", "vlag", "none"):
+        if kind not in ("white", "steps", "jitter", "cjitter", "vel", "vlag", "late", "none"):
             raise SystemExit(f"no noise is called {kind}")
         out[kind] = float(size or 0)
     return out
@@ -103,6 +104,8 @@ def rows(run, rate, noise, effort, random):
         off = off + sizes["cjitter"] * steps
     instants = t + np.clip(off / rate, -motions.MARGIN, motions.MARGIN)
     q, z = run.at(instants)
+    if sizes.get("late"):
+        z = run.at(np.clip(instants - sizes["late"] / rate, -motions.MARGIN, None))[1]
     q = q + sizes.get("white", 0) * random.normal(size=q.shape)
     step = sizes.get("steps", 0)
     if step:

@@ -90,6 +90,9 @@ pub(crate) struct ReadingArgs {
     /// The content of the experiment file, which the options override.
     #[arg(skip)]
     pub(crate) experiment: Option<Box<Experiment>>,
+    /// Whether the delays were found from the logs.
+    #[arg(skip)]
+    pub(crate) has_found_delays: bool,
     /// The files that the command writes, which no log may be.
     #[arg(skip)]
     pub(crate) outputs: Vec<PathBuf>,

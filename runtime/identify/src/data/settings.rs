@@ -54,6 +54,9 @@ pub struct Settings {
     /// By how many seconds efforts are logged after the motion that they belong to, by
     /// coordinate; 0 for those not named.
     pub delays: Vec<(String, f64)>,
+    /// Whether the delays were found from the same logs: how uncertain they are then is part of the
+    /// deviations of parameters.
+    pub are_delays_found: bool,
 }
 
 impl Default for Settings {
@@ -76,6 +79,7 @@ impl Default for Settings {
             standstill: Standstill::Drop,
             rest_speed: 0.0,
             delays: Vec::new(),
+            are_delays_found: false,
         }
     }
 }

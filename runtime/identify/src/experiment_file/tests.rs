@@ -152,6 +152,7 @@ runs:
         standstill: Standstill::Weigh,
         rest_speed: 0.02,
         delays: vec![("q2".to_owned(), 0.004)],
+        are_delays_found: false,
         columns: Vec::new(),
     };
     assert_eq!(file.settings, expected);

@@ -1,5 +1,7 @@
 //! Estimates the delays of logged efforts relative to the motion that they belong to.
 
+use nalgebra::DMatrix;
+use nalgebra::linalg::SymmetricEigen;
 use serde::{Deserialize, Serialize};
 
 use super::equation_builder::Equations;
@@ -85,6 +87,12 @@ pub struct Delays {
     pub efforts: Vec<Delay>,
     /// The common delay of all efforts that fits best; `None` if no effort determines a delay.
     pub common: Option<Delay>,
+    /// By how much the errors of the delays move the parameters, SI: independent changes of all of them.
+    #[serde(skip)]
+    pub changes: Vec<Vec<f64>>,
+    /// The same of the error of the common delay, where all efforts are as late.
+    #[serde(skip)]
+    pub common_change: Vec<f64>,
 }
 
 impl Delays {
@@ -263,7 +271,8 @@ impl DelayScores<'_> {
         let n = self.parameters;
         let extended = self.extended;
         let degrees_of_freedom = bartlett_stretches(self.samples, self.bandwidth);
-        let Ok(covariance) = self.scores.covariance(&self.fit) else {
+        let fit = self.fit;
+        let Ok(covariance) = self.scores.covariance(&fit) else {
             return Delays::default();
         };
         let size = extended.len();
@@ -277,11 +286,52 @@ impl DelayScores<'_> {
         };
         let found: Vec<Delay> = self.names.iter().enumerate().map(one).collect();
         let common = common(&found, &entry);
+        let sigma = common.as_ref().map_or(0.0, |own| own.sigma);
+        let (changes, common_change) = moved(&fit, n, &entry, sigma).unwrap_or_default();
         Delays {
             efforts: found,
             common,
+            changes,
+            common_change,
         }
     }
+}
+
+/// By how much the errors of delays move the n parameters: one change for each effort, independent of each
+/// other, and that of a common delay with this deviation, s. Least squares without the columns of the delays
+/// differs from that with them by `R_11^-1 R_12` times the delays. `None` where R is singular.
+fn moved(
+    fit: &QrFactor,
+    n: usize,
+    covariance: &dyn Fn(usize, usize) -> f64,
+    common: f64,
+) -> Option<(Vec<Vec<f64>>, Vec<f64>)> {
+    let size = fit.columns();
+    let r = DMatrix::from_column_slice(size, size, fit.r());
+    let efforts = size.checked_sub(n)?;
+    let own = r.view((0, 0), (n, n)).into_owned();
+    let with = r.view((0, n), (n, efforts)).into_owned();
+    let slopes = own.solve_upper_triangular(&with)?;
+    let errors = DMatrix::from_fn(efforts, efforts, |i, j| {
+        0.5 * (covariance(i, j) + covariance(j, i))
+    });
+    let eigen = SymmetricEigen::new(errors);
+    let pairs = eigen
+        .eigenvectors
+        .column_iter()
+        .zip(eigen.eigenvalues.iter());
+    let changes = pairs.map(|(direction, variance)| {
+        let change = &slopes * direction * variance.max(0.0).sqrt();
+        change.iter().copied().collect::<Vec<f64>>()
+    });
+    let changes: Vec<Vec<f64>> = changes.collect();
+    let all = slopes.column_sum() * common;
+    let is_finite = changes
+        .iter()
+        .flatten()
+        .chain(all.iter())
+        .all(|x| x.is_finite());
+    is_finite.then(|| (changes, all.iter().copied().collect()))
 }
 
 /// The mean of the delays, each weighted by the inverse of its variance, with the standard

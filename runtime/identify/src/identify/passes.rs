@@ -9,7 +9,7 @@ use super::huber::{Reweighting, partitioned, reweighted};
 use super::instruments::MotionSeries;
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
-use super::rests::{Moving, without_rests};
+use super::rests::weighed_by_rests;
 use super::sampling::ChangedEfforts;
 use super::slower::delays_of_slower_motion;
 use super::stored::StoredEquations;
@@ -429,11 +429,7 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     options: &Options,
     with_delays: bool,
 ) -> Result<Identified, S::Error> {
-    let Moving {
-        set: plain,
-        mut estimate,
-        change: by_rests,
-    } = without_rests(replay, options.weighting)?;
+    let (plain, mut estimate) = weighed_by_rests(replay, options.weighting)?;
     let left_out = replay.left_out().clone();
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
@@ -471,7 +467,7 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         Some(delays) => delays.finish(bandwidth)?,
         None => None,
     };
-    let (mut blocks, newey_west, psi_sums) = scores(
+    let (blocks, newey_west, psi_sums) = scores(
         replay,
         options,
         &estimate,
@@ -509,10 +505,6 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     }
     if options.huber.is_some() {
         estimate.covariance = psi_sums.covariance(&effort_weighted)?;
-    }
-    if !by_rests.is_empty() {
-        deviations = deviations.with_change(&by_rests);
-        blocks = blocks.with_change(&factor, &by_rests);
     }
     Ok(Identified {
         relative_absolute: errors.relative_absolute(),

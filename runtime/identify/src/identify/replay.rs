@@ -3,7 +3,7 @@
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::passes::Source;
 use super::stored::StoredEquations;
-use super::stream::{Columns, LeftOut, MAX_RESTED_PART, NoColumns, equations_that_rest};
+use super::stream::{Columns, LeftOut, NoColumns, equations_with_friction};
 use crate::estimate::{EstimateError, Origin};
 use regen_runtime::BaseModel;
 
@@ -23,9 +23,8 @@ pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     /// The base parameters around which the right-hand sides are linearised; see
     /// [`linearised`](Self::linearised).
     around: Option<&'a [f64]>,
-    /// The largest part of the filter's memory in which a coordinate may have rested for its equation to be
-    /// used.
-    rested: f64,
+    /// For each effort the deviation of static friction over that of the other errors; empty if not known.
+    static_friction: Vec<f64>,
     /// The largest number of values that are stored.
     most: usize,
     state: State,
@@ -60,7 +59,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             columns,
             more: Vec::new(),
             around: None,
-            rested: MAX_RESTED_PART,
+            static_friction: Vec::new(),
             most: MAX_NUMBERS,
             state: State::Empty,
             stored: StoredEquations::default(),
@@ -112,14 +111,15 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         self.stored = StoredEquations::default();
     }
 
-    /// The largest part of the filter's memory in which a coordinate may have rested.
-    pub(super) fn rested(&self) -> f64 {
-        self.rested
+    /// See [`set_static_friction`](Self::set_static_friction).
+    pub(super) fn static_friction(&self) -> &[f64] {
+        &self.static_friction
     }
 
-    /// Changes that part; the equations are computed again in the next pass.
-    pub(super) fn set_rested(&mut self, part: f64) {
-        self.rested = part;
+    /// States, for each effort, the deviation of static friction over that of the other errors; the equations
+    /// are computed again in the next pass.
+    pub(super) fn set_static_friction(&mut self, ratios: Vec<f64>) {
+        self.static_friction = ratios;
         self.state = State::Empty;
         self.stored = StoredEquations::default();
     }
@@ -166,8 +166,8 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         let (state, stored, most) = (&mut self.state, &mut self.stored, self.most);
         let around = self.around;
         let mut sides = Vec::new();
-        self.left_out = equations_that_rest(
-            self.rested,
+        self.left_out = equations_with_friction(
+            &self.static_friction,
             self.model,
             self.kind,
             self.source,

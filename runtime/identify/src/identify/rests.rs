@@ -1,28 +1,30 @@
-//! Least squares without equations that static friction disturbs by more than their noise.
+//! Least squares that weighs equations by what static friction disturbs of them.
 
 use super::filtering::Standstill;
 use super::passes::{Source, reduce};
 use super::replay::Replay;
+use super::stream::MAX_RESTED_PART;
 use crate::estimate::{Estimate, FactorSet, Weighting};
 use crate::signals::Smoothing;
 use regen_runtime::BaseModel;
 
-/// The part of an effort's noise that static friction may have in an equation.
-const FRICTION_PART: f64 = 0.3;
-/// The least part of a filter's memory that is told from none.
-const MIN_RESTED_PART: f64 = 5e-4;
-/// How often the part is made smaller: with less static friction in them, residuals are smaller.
-const NARROWINGS: usize = 2;
-/// Efforts keep at least this part of their equations.
-const MIN_KEPT_PART: f64 = 0.25;
+/// How often the weights are computed from the noise that they leave.
+const PASSES: usize = 3;
+/// Equations beside a rest share its static friction, so that differences between them still tell what they
+/// would without it: it counts as this part.
+const SHARED: f64 = 1.0 / 6.0;
+/// Efforts keep at least this part of their equations, or have the weights of before.
+const MIN_KEPT_PART: f64 = 0.3;
+/// Weights are computed where static friction adds more than this part to the deviation of an equation.
+const MIN_PART: f64 = 0.1;
 
-/// Least squares with equations whose noise exceeds the static friction in them. No column describes that
-/// friction, and a filter spreads it from a rest over the equations beside it; the lower its cutoff, the
-/// less noise there is for it to vanish in.
-pub(super) fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+/// Least squares whose equations have the weights that static friction and noise leave them. No column
+/// describes static friction, which may be anything up to Coulomb friction, and a filter spreads it from a
+/// rest over the equations beside it; the lower its cutoff, the less noise there is for it to vanish in.
+pub(super) fn weighed_by_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     weighting: Weighting,
-) -> Result<Moving, S::Error> {
+) -> Result<(FactorSet, Estimate), S::Error> {
     let mut set = reduce(replay)?;
     let rests: usize = replay.left_out().resting.iter().sum();
     let mut estimate = Estimate::new(&set, weighting).map_err(|why| why.beside_rests(rests))?;
@@ -31,83 +33,69 @@ pub(super) fn without_rests<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         || filtering.smoothing == Smoothing::None
         || filtering.standstill != Standstill::Drop
     {
-        return Ok(Moving::new(set, estimate));
+        return Ok((set, estimate));
     }
-    let mut change = Vec::new();
-    for narrowing in 0..NARROWINGS {
-        let before = replay.rested();
-        let Some(part) = narrower(&set, &estimate, before) else {
+    let mut before = Vec::new();
+    for _ in 0..PASSES {
+        let ratios = static_friction(&set, &estimate);
+        let largest = ratios.iter().fold(0.0, |m: f64, ratio| m.max(*ratio));
+        if libm::hypot(1.0, MAX_RESTED_PART * largest) < 1.0 + MIN_PART {
             break;
-        };
-        replay.set_rested(part);
-        let fewer = reduce(replay)?;
-        let pairs = fewer.factors().iter().zip(set.factors());
-        let mut pairs = pairs.map(|(own, all)| (own.rows(), own.contained(), all.rows()));
-        let is_enough = pairs.all(|(own, contained, all)| {
-            own >= 3 * contained && own as f64 >= MIN_KEPT_PART * all as f64
-        });
-        let found = Estimate::new(&fewer, weighting);
-        match found {
-            Ok(found) if is_enough => (set, estimate) = (fewer, found),
-            found => {
-                // what few equations differ by is noise up to two of their deviations
-                if let (Ok(found), 0) = (found, narrowing) {
-                    let pairs = found.values.iter().zip(&estimate.values).enumerate();
-                    let beyond = |(k, (a, b)): (usize, (&f64, &f64))| {
-                        ((a - b).abs() - 2.0 * found.sigma(k))
-                            .max(0.0)
-                            .copysign(a - b)
-                    };
-                    change = pairs.map(beyond).collect();
-                }
-                replay.set_rested(before);
+        }
+        replay.set_static_friction(ratios);
+        let weighed = reduce(replay)?;
+        let counts = effective_counts(replay, weighed.factors().len())?;
+        let pairs = weighed.factors().iter().zip(counts);
+        let mut pairs =
+            pairs.map(|(own, count)| (own.rows() as f64, own.contained() as f64, count));
+        let is_enough = pairs
+            .all(|(all, contained, count)| count >= (3.0 * contained).max(MIN_KEPT_PART * all));
+        match Estimate::new(&weighed, weighting) {
+            Ok(found) if is_enough => (set, estimate) = (weighed, found),
+            _ => {
+                replay.set_static_friction(before);
                 set = reduce(replay)?;
                 break;
             }
         }
+        before = replay.static_friction().to_vec();
     }
-    Ok(Moving {
-        change,
-        ..Moving::new(set, estimate)
-    })
+    Ok((set, estimate))
 }
 
-/// Least squares with equations of coordinates that move.
-pub(super) struct Moving {
-    pub(super) set: FactorSet,
-    pub(super) estimate: Estimate,
-    /// By how much static friction may move the parameters where too few equations are without it; empty
-    /// where enough are.
-    pub(super) change: Vec<f64>,
-}
-
-impl Moving {
-    fn new(set: FactorSet, estimate: Estimate) -> Self {
-        Self {
-            set,
-            estimate,
-            change: Vec::new(),
+/// As how many equations of equal weight those of each effort count.
+fn effective_counts<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    efforts: usize,
+) -> Result<Vec<f64>, S::Error> {
+    let mut sums = vec![[0.0; 2]; efforts];
+    replay.visit(&mut |equations| {
+        for (sum, weight) in sums.iter_mut().zip(equations.weights) {
+            let square = weight * weight;
+            sum[0] += square;
+            sum[1] += square * square;
         }
-    }
+        Ok(())
+    })?;
+    let count = |[squares, fourth]: &[f64; 2]| squares * squares / fourth.max(f64::MIN_POSITIVE);
+    Ok(sums.iter().map(count).collect())
 }
 
-/// The largest part of a filter's memory in which a coordinate may have rested so that noise exceeds static
-/// friction; `None` where that is not much less than it was.
-fn narrower(set: &FactorSet, estimate: &Estimate, before: f64) -> Option<f64> {
-    let mut least = before;
-    for (factor, effort) in set.factors().iter().zip(&estimate.efforts) {
+/// The deviation of static friction, which is as likely anything up to Coulomb friction in both directions,
+/// over that of the residuals, for each effort.
+fn static_friction(set: &FactorSet, estimate: &Estimate) -> Vec<f64> {
+    let pairs = set.factors().iter().zip(&estimate.efforts);
+    let ratio = pairs.map(|(factor, effort)| {
         let columns = factor.r().chunks_exact(factor.columns().max(1));
         let friction = columns.zip(&estimate.values).zip(factor.labels());
         let friction = friction.filter(|(_, label)| label.starts_with("Fc("));
         let squares = friction
             .map(|((column, value), _)| column.iter().map(|x| x * x).sum::<f64>() * value * value);
         let rms = (squares.sum::<f64>() / factor.rows().max(1) as f64).sqrt();
-        if rms > 0.0 {
-            least = least.min(FRICTION_PART * effort.sigma / rms);
-        }
-    }
-    let least = least.max(MIN_RESTED_PART);
-    (least < 0.7 * before).then_some(least)
+        let ratio = SHARED * rms / (3.0_f64.sqrt() * effort.sigma);
+        if ratio.is_finite() { ratio } else { 0.0 }
+    });
+    ratio.collect()
 }
 
 #[cfg(test)]
@@ -118,8 +106,8 @@ mod tests {
     use crate::estimate::{Accumulator, Origin};
     use crate::intervals::Random;
 
-    /// The narrower part for a joint of inertia 0.1 and Coulomb friction 0.4, with noise of this deviation.
-    fn part(label: &str, noise: f64) -> Option<f64> {
+    /// The ratio for a joint of inertia 0.1 and Coulomb friction 0.4, with noise of this deviation.
+    fn ratio(label: &str, noise: f64) -> f64 {
         let origin = Origin {
             robot: String::new(),
             model: String::new(),
@@ -136,19 +124,17 @@ mod tests {
         }
         let set = rows.finish().unwrap();
         let estimate = Estimate::new(&set, Weighting::PerEffort).unwrap();
-        narrower(&set, &estimate, 0.03)
+        static_friction(&set, &estimate)[0]
     }
 
     #[test]
-    fn the_part_of_rest_is_as_small_as_noise_beside_coulomb_friction_demands() {
-        let found = part("Fc(q1)", 4e-3).unwrap();
-        assert!(
-            (found / (FRICTION_PART * 0.01) - 1.0).abs() < 0.1,
-            "{found}"
-        );
-        assert_eq!(part("Fc(q1)", 1e-7), Some(MIN_RESTED_PART));
-        // measured robots: noise is a tenth of the friction or more, and no other column is friction
-        assert_eq!(part("Fc(q1)", 0.04), None);
-        assert_eq!(part("Fv(q1)", 4e-3), None);
+    fn static_friction_is_compared_with_the_noise_of_its_effort() {
+        for noise in [4e-4, 4e-3, 0.04] {
+            let expected = SHARED * 0.4 / (3.0_f64.sqrt() * noise);
+            let found = ratio("Fc(q1)", noise);
+            assert!((found / expected - 1.0).abs() < 0.1, "{found} {expected}");
+        }
+        // no other column is friction that depends on the direction
+        assert!(ratio("Fv(q1)", 4e-3).abs() < 1e-12);
     }
 }

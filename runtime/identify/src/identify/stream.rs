@@ -113,7 +113,7 @@ const BLOCK_ROWS: usize = 2048;
 /// be used, and with it the largest part of the static friction in a residual: a tenth put friction and
 /// inertia of simulated arms two standard deviations off. A sinusoidal motion is slower than a
 /// twentieth of its rms value in a part of 0.0225, so that of fast motion not everything is left out.
-pub(crate) const MAX_RESTED_PART: f64 = 0.03;
+pub(super) const MAX_RESTED_PART: f64 = 0.03;
 
 /// The least part of the filter's weights that lies outside of bridged gaps for an equation to be used.
 pub(crate) const MIN_KNOWN_PART: f64 = 0.5;
@@ -155,12 +155,15 @@ pub fn equations<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     columns: &mut dyn Columns,
     each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
 ) -> Result<LeftOut, S::Error> {
-    equations_that_rest(MAX_RESTED_PART, model, kind, source, columns, each)
+    equations_with_friction(&[], model, kind, source, columns, each)
 }
 
-/// As [`equations`], with another largest part of the filter's memory in which a coordinate may have rested.
-pub(super) fn equations_that_rest<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    rested: f64,
+/// As [`equations`], where the error of an effort's equation is known to grow with the part of the filter's
+/// memory in which its coordinate rested.
+///
+/// - `friction`: for each effort the deviation of static friction over that of the other errors.
+pub(super) fn equations_with_friction<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    friction: &[f64],
     model: &M,
     kind: EquationKind,
     source: &mut S,
@@ -170,7 +173,7 @@ pub(super) fn equations_that_rest<M: BaseModel<f64> + ?Sized, S: Source + ?Sized
     let filtering = source.filtering();
     columns.restart();
     let mut stream = Stream::new(model, kind, filtering, columns.count());
-    stream.rested = rested;
+    stream.static_friction = friction.to_vec();
     source.visit(&mut |row| stream.take(row, columns, each))?;
     stream.flush(columns, each)?;
     stream.end_run(each)?;
@@ -189,8 +192,8 @@ struct Stream<'m, M: ?Sized> {
     builder: EquationBuilder<'m, M>,
     kind: EquationKind,
     filtering: Filtering,
-    /// The largest part of the filter's memory in which a coordinate may have rested.
-    rested: f64,
+    /// See [`equations_with_friction`].
+    static_friction: Vec<f64>,
     friction: Direction,
     dof: usize,
     /// The number of columns in addition to those of the base regressor.
@@ -290,7 +293,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             builder: EquationBuilder::new(model, kind),
             kind,
             filtering,
-            rested: MAX_RESTED_PART,
+            static_friction: Vec::new(),
             friction: Direction::of(model),
             dof,
             extra,
@@ -613,7 +616,12 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                 let part = match self.filtering.standstill {
                     Standstill::Weigh => moved.clamp(0.0, 1.0),
                     // above 1 the filter weighs a rest near by negatively
-                    _ => f64::from((1.0 - moved).abs() <= self.rested),
+                    _ => {
+                        let rested = (1.0 - moved).abs();
+                        let friction = self.static_friction.get(e).copied().unwrap_or(0.0);
+                        let is_used = f64::from(rested <= MAX_RESTED_PART);
+                        is_used / libm::hypot(1.0, rested * friction)
+                    }
                 };
                 *weight = own[e] * part * f64::from(is_known);
                 self.left.resting[e] += usize::from(is_known && *weight == 0.0);

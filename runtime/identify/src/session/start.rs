@@ -120,6 +120,9 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         }
         EquationKind::Energy { .. } => "",
     };
+    if session.reading.are_delays_found {
+        add_delay_error(&session.reading.delays, &mut identified);
+    }
     let motion = add_motion_noise(session, logs, &mut identified)?;
     let noise_note = match motion {
         Some((_, is_mentioned)) if is_mentioned => MOTION_NOISE,
@@ -143,6 +146,27 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         reports: logs.logs().reports().to_vec(),
         ..start
     })
+}
+
+/// Adds what the errors of delays that were found from the same logs move to the deviations.
+///
+/// - `delays`: the ones that were found; a single value of all efforts has one cause.
+fn add_delay_error(delays: &[(String, f64)], identified: &mut Identified) {
+    let found = &identified.delays;
+    let mut pairs = delays.windows(2);
+    let is_one = delays.len() == found.efforts.len()
+        && delays.len() > 1
+        && pairs.all(|own| matches!(own, [(_, a), (_, b)] if a.to_bits() == b.to_bits()));
+    let changes = if is_one {
+        vec![found.common_change.clone()]
+    } else {
+        found.changes.clone()
+    };
+    for change in &changes {
+        identified.deviations = identified.deviations.with_change(change);
+        let blocks = identified.blocks.clone();
+        identified.blocks = blocks.with_change(&identified.factor, change);
+    }
 }
 
 /// Corrects the parameters for what noise of the measured motion biases, and adds the size of the

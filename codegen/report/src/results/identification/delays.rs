@@ -131,6 +131,7 @@ mod tests {
             let found = Delays {
                 efforts: Vec::new(),
                 common: Some(common),
+                ..Delays::default()
             };
             delays_text(&found, &[], Some((3.0, 2.5)))
         };
@@ -155,6 +156,7 @@ mod tests {
             let found = Delays {
                 efforts: Vec::new(),
                 common: Some(common.clone()),
+                ..Delays::default()
             };
             delays_text(&found, &[], Some((3.0, 2.5)))
         };
