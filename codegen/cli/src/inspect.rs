@@ -44,8 +44,10 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let experiment = args.logs.iter().find_map(experiment::yaml_path);
     let source = args.spec.as_deref().map(load::source).transpose()?;
     let validation = experiment::resolve_for(&mut args.logs, &mut args.reading, source.as_ref())?;
+    let validation_count = validation.len();
     args.logs.extend(validation);
-    let chosen = Chosen::new(&args);
+    let mut chosen = Chosen::new(&args);
+    chosen.fitted = args.logs.len() - validation_count;
     let robot = match &source {
         Some(source) => Some(load::loaded_derived(source, chosen.payload)?),
         None => None,
@@ -169,6 +171,8 @@ fn nothing_to_propose(robot: Option<&str>) -> String {
 struct Chosen {
     /// Their indices.
     runs: Vec<usize>,
+    /// The number of runs that are not for validation, which come first.
+    fitted: usize,
     /// Whether the robot carries its payloads in them.
     payload: Option<PayloadArg>,
     /// What is left out, in words.
@@ -194,6 +198,7 @@ impl Chosen {
         if !experiment.is_some_and(|e| e.carries()) {
             return Self {
                 runs: bare,
+                fitted: usize::MAX,
                 payload: args.reading.payload,
                 note: None,
                 why: None,
@@ -210,6 +215,7 @@ impl Chosen {
                     )
                 }),
                 runs: bare,
+                fitted: usize::MAX,
                 payload: Some(PayloadArg::None),
                 why: None,
             };
@@ -217,6 +223,7 @@ impl Chosen {
         let bodies = experiment.map_or(0, |e| e.payloads.len());
         Self {
             runs: loaded,
+            fitted: usize::MAX,
             payload: Some(PayloadArg::Carried),
             note: Some(
                 "predicted for the robot with its payload, which all runs carry: the parameters \
@@ -367,7 +374,9 @@ fn predicted(
         };
         session.reading = open;
         // a log whose motion determines nothing keeps the filter that its spectrum proposes
-        if let Ok(Some(choice)) = filter_of(&session, &runs) {
+        let fitted = chosen.runs.iter().filter(|k| **k < chosen.fitted);
+        let fitted: Vec<Run> = fitted.filter_map(|k| args.logs.get(*k)).cloned().collect();
+        if let Ok(Some(choice)) = filter_of(&session, &fitted) {
             session.reading = choice.applied(&session.reading);
             *filter = Some(choice.clone());
             for k in &chosen.runs {
