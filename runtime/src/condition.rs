@@ -61,6 +61,10 @@ impl<T: Scalar> Condition<T> {
     /// assert!(!Condition::of_state(0.0, &[&[0.1, f64::NAN]]).is_regular());
     /// assert!(!Condition::of_state(0.0, &[&[0.1], &[f64::INFINITY]]).is_regular());
     /// ```
+    #[allow(
+        clippy::inline_always,
+        reason = "lanes keep the caller's instruction set"
+    )]
     #[inline(always)]
     pub fn of_state(proto: T, state: &[&[T]]) -> Self {
         let zero = proto.splat(0.0);

@@ -163,29 +163,28 @@ fn the_short_help_of_identify_has_at_most_25_options() {
     fs::remove_dir_all(&dir).unwrap();
 }
 
-/// A copy of the log with velocities of the positions, which lag by so many rows.
+/// The log with velocities of the positions in it, which lag by so many rows.
 fn with_velocities(dir: &Path, lag: usize) {
     let text = fs::read_to_string(dir.join("log.csv")).unwrap();
     let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
     let (header, rows) = rows.split_first().unwrap();
     let joints = header.iter().filter(|title| title.starts_with('q')).count();
-    let number = |k: usize, column: usize| rows[k][column].parse::<f64>().unwrap();
-    let mut out = header[..=joints].join(",");
-    for title in &header[1..=joints] {
-        out += &format!(",qd_{title}");
+    let (motion, efforts) = header.split_at(joints + 1);
+    let rates: Vec<String> = motion[1..].iter().map(|q| format!("qd_{q}")).collect();
+    let mut out = vec![[motion.join(","), rates.join(","), efforts.join(",")].join(",")];
+    // the middle of three rows, and the row that it is written into
+    let numbers = |row: &[&str]| -> Vec<f64> {
+        let numbers = row[..=joints].iter().map(|x| x.parse().unwrap());
+        numbers.collect()
+    };
+    for (around, row) in rows.windows(3).zip(&rows[lag + 1..]) {
+        let [before, after] = [&around[0], &around[2]].map(|row| numbers(row));
+        let rate = |q: usize| ((after[q] - before[q]) / (after[0] - before[0])).to_string();
+        let rates: Vec<String> = (1..=joints).map(rate).collect();
+        let (motion, efforts) = row.split_at(joints + 1);
+        out.push([motion.join(","), rates.join(","), efforts.join(",")].join(","));
     }
-    out += &format!(",{}\n", header[joints + 1..].join(","));
-    for k in lag + 1..rows.len() - 1 {
-        out += &rows[k][..=joints].join(",");
-        for column in 1..=joints {
-            let [before, after] = [k - lag - 1, k - lag + 1];
-            let rate = (number(after, column) - number(before, column))
-                / (number(after, 0) - number(before, 0));
-            out += &format!(",{rate}");
-        }
-        out += &format!(",{}\n", rows[k][joints + 1..].join(","));
-    }
-    fs::write(dir.join("log.csv"), out).unwrap();
+    fs::write(dir.join("log.csv"), out.join("\n") + "\n").unwrap();
 }
 
 #[test]

@@ -613,15 +613,14 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             let own = &self.weights[k * dof..(k + 1) * dof];
             let weights = &mut self.own_weights;
             for (e, (weight, moved)) in weights.iter_mut().zip(moved).enumerate() {
-                let part = match self.filtering.standstill {
-                    Standstill::Weigh => moved.clamp(0.0, 1.0),
+                let part = if self.filtering.standstill == Standstill::Weigh {
+                    moved.clamp(0.0, 1.0)
+                } else {
                     // above 1 the filter weighs a rest near by negatively
-                    _ => {
-                        let rested = (1.0 - moved).abs();
-                        let friction = self.static_friction.get(e).copied().unwrap_or(0.0);
-                        let is_used = f64::from(rested <= MAX_RESTED_PART);
-                        is_used / libm::hypot(1.0, rested * friction)
-                    }
+                    let rested = (1.0 - moved).abs();
+                    let friction = self.static_friction.get(e).copied().unwrap_or(0.0);
+                    let is_used = f64::from(rested <= MAX_RESTED_PART);
+                    is_used / libm::hypot(1.0, rested * friction)
                 };
                 *weight = own[e] * part * f64::from(is_known);
                 self.left.resting[e] += usize::from(is_known && *weight == 0.0);
