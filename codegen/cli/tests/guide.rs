@@ -57,12 +57,14 @@ fn run_page(page: &str) -> Vec<String> {
     let dir = scratch(&format!("guide_{page}"));
     copy_inputs(&dir);
     let commands = commands(&text);
+    let mut printed = String::new();
     for command in &commands {
         let mut words = command.split_whitespace();
         assert_eq!(words.next(), Some("regen"), "{command}");
         let args: Vec<_> = words.collect();
         let run = regen(&dir, &args);
         assert_eq!(run.code, 0, "{command}\n{}\n{}", run.out, run.err);
+        printed += &run.out;
         for pair in args
             .windows(2)
             .filter(|pair| ["--out", "--report"].contains(&pair[0]))
@@ -70,7 +72,49 @@ fn run_page(page: &str) -> Vec<String> {
             assert!(dir.join(pair[1]).exists(), "{command}");
         }
     }
+    require_printed(&shown(&text, "```text printed"), &printed);
     commands
+}
+
+/// The lines of the blocks of a page with this head, but for those that stand for others.
+fn shown<'p>(page: &'p str, head: &str) -> Vec<&'p str> {
+    let mut inside = false;
+    let mut lines = Vec::new();
+    for line in page.lines() {
+        match line {
+            _ if line == head => inside = true,
+            "```" => inside = false,
+            _ if inside && !line.is_empty() && line.trim() != "..." => lines.push(line),
+            _ => {}
+        }
+    }
+    lines
+}
+
+/// Requires that all lines that a page shows are printed, in their order.
+fn require_printed(shown: &[&str], printed: &str) {
+    let mut lines = printed.lines();
+    for line in shown {
+        assert!(
+            lines.any(|own| own == *line),
+            "the page shows a line that is not printed, or not there:\n{line}\n{printed}"
+        );
+    }
+}
+
+#[test]
+fn the_readme_shows_what_its_command_prints() {
+    let text = fs::read_to_string(root().join("README.md")).unwrap();
+    let dir = scratch("guide_readme");
+    copy_inputs(&dir);
+    let mut lines = text.lines();
+    let folder = lines.find_map(|line| line.strip_prefix("cd ")).unwrap();
+    let command = lines.next().unwrap();
+    let args: Vec<&str> = command.split_whitespace().skip(1).collect();
+    let run = regen(&dir.join(folder), &args).ended(0);
+    let shown = shown(&text, "```text");
+    assert!(shown.len() > 4, "{shown:?}");
+    require_printed(&shown, &run.out);
 }
 
 #[test]

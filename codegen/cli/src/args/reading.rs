@@ -32,7 +32,8 @@ pub(crate) struct ReadingArgs {
     /// Interpolate rows with an uneven clock onto an even grid of this rate in Hz
     #[arg(long, value_name = "HZ", value_parser = positive, hide_short_help = true)]
     pub(crate) resample: Option<f64>,
-    /// The velocities to use. Measured ones pass the filter of the positions, and
+    /// The velocities to use; measured ones unless the choice finds those computed
+    /// from positions better. They pass the filter of the positions, and
     /// accelerations are their derivative; --fourier uses positions only
     #[arg(long, value_enum, hide_short_help = true)]
     pub(crate) velocities: Option<VelocitiesArg>,

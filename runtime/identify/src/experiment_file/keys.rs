@@ -204,7 +204,7 @@ static PROCESS: Record = record(
                 ("measured", "where there are columns of them"),
                 ("computed", "from the positions, whatever is measured"),
             ]),
-            "Which velocities and accelerations are used; measured if missing",
+            "Which velocities and accelerations are used; measured if missing, unless the choice of the filter finds computed ones better",
         ),
         optional(
             "decimate",
