@@ -212,3 +212,20 @@ bodies:
     let words: Vec<&str> = line.split_whitespace().collect();
     regen(&dir, &words).ended(0);
 }
+
+#[test]
+fn the_steps_of_a_reduction_have_the_errors_of_the_table_on_logs_not_used() {
+    let folder = root().join("runtime/guide/fivebar");
+    let words = "identify fivebar.yaml run1.csv --reduce --against run2.csv --format json";
+    let words: Vec<&str> = words.split(' ').collect();
+    let found = regen(&folder, &words).ended(0).json();
+    let steps = found["reduction"].as_array().unwrap();
+    let error = |step: &Value| step["relative_absolute"].as_f64().unwrap();
+    let models = found["models"].as_array().unwrap();
+    for (model, step) in models.iter().zip([&steps[0], &steps[steps.len() - 1]]) {
+        let table = error(&model["logs"][1]);
+        // joints rest in this log, one at a time: the rows of the others count
+        assert!((error(step) / table - 1.0).abs() < 1e-9, "{model} {step}");
+    }
+    assert_eq!(models.len(), 2);
+}

@@ -12,8 +12,8 @@ use crate::model::{IdentifiedModel, Intervals};
 /// Equations of the logs that a model is validated on, in memory.
 struct Equations {
     columns: usize,
-    /// Regressor and right-hand side of each sample.
-    rows: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Regressor, right-hand side and weights of each sample.
+    rows: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>,
     /// The means of the efforts.
     means: Vec<f64>,
 }
@@ -22,8 +22,10 @@ impl Equations {
     /// eps_RA of these base parameters in percent (Eq. 33).
     fn relative_absolute(&self, beta: &[f64]) -> f64 {
         let (mut absolute, mut spread) = (0.0, 0.0);
-        for (w, tau) in &self.rows {
-            for (i, (t, mean)) in tau.iter().zip(&self.means).enumerate() {
+        for (w, tau, weights) in &self.rows {
+            // as elsewhere, an effort whose coordinate rests does not count, and the others do
+            let used = tau.iter().zip(&self.means).zip(weights).enumerate();
+            for (i, ((t, mean), _)) in used.filter(|(_, (_, weight))| **weight > 0.0) {
                 let entries = w.iter().skip(i).step_by(tau.len());
                 let fitted: f64 = entries.zip(beta).map(|(w, b)| w * b).sum();
                 absolute += (t - fitted).abs();
@@ -90,9 +92,9 @@ fn equations<M: BaseModel<f64> + ?Sized, S: Source<Error = DataError>>(
         means: set.means(),
     };
     identify::equations(model, kind, logs, &mut NoColumns, &mut |rows| {
-        let resting = rows.weights.contains(&0.0);
-        if !rows.tau.is_empty() && !resting {
-            out.rows.push((rows.w.to_vec(), rows.tau.to_vec()));
+        if !rows.tau.is_empty() {
+            let (tau, weights) = (rows.tau.to_vec(), rows.weights.to_vec());
+            out.rows.push((rows.w.to_vec(), tau, weights));
         }
         Ok(())
     })?;
