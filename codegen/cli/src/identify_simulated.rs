@@ -66,8 +66,43 @@ pub(crate) fn solve(
         Vec::new(),
         args.confidence,
     )?;
+    let rows = file.parameters.iter();
+    let rows = rows.map(|row| {
+        (
+            row.label.as_str(),
+            row.combination.as_str(),
+            row.value,
+            row.sigma,
+        )
+    });
+    let negative = impossible(rows);
+    if !negative.is_empty() {
+        terminal::note(&format!(
+            "warning: no joint has such values below zero: {}. The loop that was simulated is not that of \
+             the log: look at the controllers, whether their action is sampled, the delays of signals and the \
+             commands, and compare with least squares from the logged efforts (--estimator ls)",
+            negative.join(", ")
+        ));
+    }
     let json = Identification { file, summary };
     Ok(Outcome { json, identified })
+}
+
+/// So many standard deviations below zero, a value is not there by chance.
+const IMPOSSIBLE_DEVIATIONS: f64 = 5.0;
+
+/// The labels of friction and inertia of drives alone that are far below zero, which no joint has.
+///
+/// - `rows`: label, combination, value and standard deviation of each parameter.
+fn impossible<'r>(rows: impl Iterator<Item = (&'r str, &'r str, f64, f64)>) -> Vec<&'r str> {
+    let is_alone = |label: &str, combination: &str| {
+        let mut kinds = ["Fv(", "Fc(", "J("].iter();
+        label == combination && kinds.any(|kind| label.starts_with(kind))
+    };
+    let below = rows.filter(|(label, combination, value, sigma)| {
+        is_alone(label, combination) && *value < -IMPOSSIBLE_DEVIATIONS * sigma
+    });
+    below.map(|(label, ..)| label).collect()
 }
 
 /// The tracks of all logs; for each track, the index of its log among the options; and for each log,
@@ -365,4 +400,22 @@ pub(crate) fn require_determined(summary: &Summary) -> Result<(), Failure> {
          at the start; give a gain that is known, or move the joints that are at rest",
         words.join("; nor ")
     )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::impossible;
+
+    #[test]
+    fn friction_and_drives_far_below_zero_are_impossible_and_moments_are_not() {
+        let rows = [
+            ("Fv(q1)", "Fv(q1)", -480.0, 12.0),
+            ("Fc(q1)", "Fc(q1)", -2.0, 1.0),
+            ("J(q2)", "J(q2) + Izz(2)", -9.0, 0.1),
+            ("J(q3)", "J(q3)", -9.0, 0.1),
+            ("mx(1)", "mx(1)", -9.0, 0.1),
+        ];
+        assert_eq!(impossible(rows.into_iter()), ["Fv(q1)", "J(q3)"]);
+        assert!(impossible([("Fv(q1)", "Fv(q1)", -4.0, f64::NAN)].into_iter()).is_empty());
+    }
 }
