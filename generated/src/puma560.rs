@@ -5824,7 +5824,7 @@ impl<T: Scalar> Model<T> for Puma560 {
             Function::NewtonStep => {
                 let q = ::regen_runtime::array::<T, 6>(arguments.q, "q")?;
                 let _ = ::regen_runtime::array_mut::<T, 0>(out, "out")?;
-                Ok(Condition::regular(q[0]))
+                Ok(Condition::of_state(q[0], &[q]))
             }
             Function::DependentJacobian => {
                 let q = ::regen_runtime::array::<T, 6>(arguments.q, "q")?;

@@ -174,5 +174,15 @@ fn emit_missing(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut Stri
         out,
         "                let _ = {runtime}::array_mut::<T, 0>(out, \"out\")?;"
     );
-    let _ = writeln!(out, "                Ok(Condition::regular({proto}[0]))");
+    let condition = if kind.signature().has_condition {
+        let motion: Vec<&str> = names
+            .iter()
+            .copied()
+            .filter(|n| n.starts_with('q'))
+            .collect();
+        format!("Condition::of_state({proto}[0], &[{}])", motion.join(", "))
+    } else {
+        format!("Condition::regular({proto}[0])")
+    };
+    let _ = writeln!(out, "                Ok({condition})");
 }
