@@ -154,7 +154,7 @@ class InspectOptions(TypedDict, total=False):
     standstill: Value | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
 
 
@@ -199,7 +199,7 @@ class ObserveOptions(TypedDict, total=False):
     standstill: Value | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
 
 
@@ -316,7 +316,7 @@ class IdentifyOptions(TypedDict, total=False):
     topic: Value | None
     #: A known sum: 'm(1),m(2),m(3)=12.5'
     total: Values | None
-    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
     #: How the efforts are weighted against each other
     weighting: Value | None
@@ -369,7 +369,7 @@ class ValidateOptions(TypedDict, total=False):
     standstill: Value | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
 
 
@@ -418,5 +418,5 @@ class ReportOptions(TypedDict, total=False):
     standstill: Value | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
