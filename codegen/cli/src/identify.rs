@@ -68,6 +68,12 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         identify_simulated::note_unused(estimator, &mut args.reading, &planned);
     } else {
         args.physical.against.extend(planned);
+        let same = args.physical.against.iter();
+        for run in same.filter(|run| args.logs.contains(run)) {
+            terminal::note(&format!(
+                "warning: {run} is identified from too: its error with --against validates nothing"
+            ));
+        }
     }
     let args = &args;
     let robot = if has_loads {

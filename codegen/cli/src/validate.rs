@@ -1,9 +1,10 @@
 //! `regen validate`: predicts the forces of logs from identified parameters.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use regen_identify::IdentifiedModel;
+use regen_identify::data::Run;
 use regen_identify::estimate::EffortError;
 use regen_identify::files::Predictions;
 use regen_identify::identify::{self, LeftOut};
@@ -44,6 +45,20 @@ fn chosen(args: &mut ValidateArgs, model: &Interpreted<'_>) -> Result<Option<Cho
     }
     let session = observe::session(model, &args.reading).in_amperes();
     choice::made(&mut args.reading, &session, &args.logs)
+}
+
+/// Says which of the logs the parameters were identified from, as far as names tell.
+fn note_known_logs(path: &Path, found: &IdentifiedModel, logs: &[Run]) {
+    let names = logs.iter().map(|run| stem(&run.to_string()));
+    let known = names.filter(|name| found.provenance.logs.contains(name));
+    let known: Vec<String> = known.collect();
+    if !known.is_empty() {
+        terminal::note(&format!(
+            "note: {} names {} among the logs that it was identified from: errors on them validate nothing",
+            path.display(),
+            known.join(", ")
+        ));
+    }
 }
 
 /// The prediction errors of one set of parameters on all logs.
@@ -88,6 +103,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     for path in files {
         let found = parameters::read(path, &model)?;
         loads::require_gains(&args.reading, &found, path)?;
+        note_known_logs(path, &found, &args.logs);
         models.push((
             found,
             Predicted {

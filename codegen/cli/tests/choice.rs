@@ -282,3 +282,33 @@ fn inspect_proposes_what_identification_chooses_and_keeps_what_a_file_states() {
     fs::write(dir.join("given.yaml"), &text).unwrap();
     assert!(inspect("given.yaml", "given2.yaml").ends_with(&text));
 }
+
+#[test]
+fn logs_that_parameters_were_identified_from_are_told_to_validate_nothing() {
+    let dir = simulated("choice_validates_nothing", "1e-4,0.02");
+    let spec = spec();
+    fs::copy(dir.join("log.csv"), dir.join("other.csv")).unwrap();
+    let words = [
+        "identify",
+        &spec,
+        "log.csv",
+        "--against",
+        "log.csv",
+        "--out",
+        "p.json",
+    ];
+    let run = regen(&dir, &words).ended(0);
+    assert!(
+        run.err.contains("log.csv is identified from too"),
+        "{}",
+        run.err
+    );
+    let validate = |log: &str| {
+        regen(&dir, &["validate", &spec, "p.json", log])
+            .ended(0)
+            .err
+    };
+    let text = validate("log.csv");
+    assert!(text.contains("errors on them validate nothing"), "{text}");
+    assert!(!validate("other.csv").contains("validate nothing"));
+}
