@@ -57,6 +57,9 @@ const AS_GOOD: f64 = 1.7;
 /// Velocities computed from the positions are taken in place of measured ones if their mean square error is
 /// below this part of that of the measured ones.
 const COMPUTED_BELOW: f64 = 0.7;
+/// A filter that leaves more than this many times the residuals that a filter of a higher cutoff leaves bends
+/// the motion: of the same errors it would leave less.
+const BENT: f64 = 1.5;
 /// So many cutoffs in a row that are not better than the best one end the search.
 const PATIENCE: usize = 4;
 
@@ -148,6 +151,8 @@ struct Trial {
     factor: QrFactor,
     /// See [`MotionBias`](super::motion_noise::MotionBias).
     signal: Vec<f64>,
+    /// The standard deviation of the residuals of each effort.
+    residuals: Vec<f64>,
     /// Whether an effort has less than three equations for two of the parameters in them: it is fitted with its
     /// noise, which then seems smaller than it is.
     is_scarce: bool,
@@ -476,6 +481,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         cutoff,
         values: pairs.map(|(x, bias)| x - bias).collect(),
         bias,
+        residuals: found.estimate.efforts.iter().map(|own| own.sigma).collect(),
         is_scarce,
         covariance: found.deviations.within_runs().to_vec(),
         factor: found.factor,
@@ -515,12 +521,23 @@ fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Errors> {
         }
         sum / rows
     };
+    // whether a trial's filter bends the motion, as a higher cutoff shows
+    let is_bent = |k: usize| {
+        let own = trials.get(k).map(T::borrow);
+        let mut higher = trials.iter().skip(k + 1).map(T::borrow);
+        own.is_some_and(|own| {
+            higher.any(|other| {
+                let mut pairs = own.residuals.iter().zip(&other.residuals);
+                !other.is_scarce && pairs.any(|(own, other)| *own > BENT * other)
+            })
+        })
+    };
     // where no cutoff leaves enough equations, all are compared as they are
     let all_scarce = trials.iter().all(|own| own.borrow().is_scarce);
     let mut all: Vec<Errors> = Vec::with_capacity(trials.len());
-    for trial in trials.iter().map(T::borrow) {
+    for (k, trial) in trials.iter().map(T::borrow).enumerate() {
         let mut own = Errors {
-            variance: if trial.is_scarce && !all_scarce {
+            variance: if trial.is_scarce && !all_scarce || is_bent(k) {
                 f64::INFINITY
             } else {
                 variance(&trial.covariance)
@@ -530,6 +547,10 @@ fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Errors> {
         };
         for (lower, errors) in trials.iter().zip(&all) {
             let lower = lower.borrow();
+            // a lower cutoff that is not counted says nothing of others
+            if !errors.variance.is_finite() {
+                continue;
+            }
             let difference: Vec<f64> = (trial.values.iter().zip(&lower.values))
                 .map(|(a, b)| a - b)
                 .collect();
@@ -596,4 +617,49 @@ fn central(trials: &[Trial], errors: &[Errors]) -> Option<(f64, usize)> {
 fn mean_square(factor: &QrFactor) -> f64 {
     let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
     squares / factor.rows().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    /// A trial of one parameter with this value, deviation and residuals.
+    fn trial_of(cutoff: f64, value: f64, deviation: f64, residual: f64) -> Trial {
+        let mut factor = QrFactor::new(vec!["a".to_owned()]);
+        factor.push_block(&[1.0; 100], &[value; 100]).unwrap();
+        Trial {
+            cutoff,
+            values: vec![value],
+            covariance: vec![deviation * deviation],
+            bias: Vec::new(),
+            signal: factor.r().to_vec(),
+            factor,
+            residuals: vec![residual],
+            is_scarce: false,
+        }
+    }
+
+    #[test]
+    fn a_cutoff_whose_residuals_fall_with_higher_ones_bends_the_motion_and_says_nothing() {
+        let bent = trial_of(1.8, 5.0, 0.1, 0.3);
+        let trials = [
+            bent,
+            trial_of(3.2, 1.0, 0.01, 0.1),
+            trial_of(5.6, 1.0, 0.01, 0.11),
+        ];
+        let errors = all_errors(&trials, 1);
+        assert!(errors[0].sum().is_infinite());
+        assert!(errors[1].sum() < 1e-3 && errors[2].sum() < 1e-3);
+        let (cutoff, place) = central(&trials, &errors).unwrap();
+        assert!(
+            (3.0..6.0).contains(&cutoff) && place > 0,
+            "{cutoff} {place}"
+        );
+        // noise leaves larger residuals behind higher cutoffs, which are then judged by lower ones
+        let noisy = [trial_of(1.8, 1.0, 0.01, 0.1), trial_of(3.2, 5.0, 0.01, 0.3)];
+        let errors = all_errors(&noisy, 0);
+        assert!(errors[0].sum() < 1e-3 && errors[1].apart > 1.0);
+    }
 }
