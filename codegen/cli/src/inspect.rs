@@ -46,8 +46,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let validation = experiment::resolve_for(&mut args.logs, &mut args.reading, source.as_ref())?;
     let validation_count = validation.len();
     args.logs.extend(validation);
-    let mut chosen = Chosen::new(&args);
-    chosen.fitted = args.logs.len() - validation_count;
+    let chosen = Chosen::new(&args, args.logs.len() - validation_count);
     let robot = match &source {
         Some(source) => Some(load::loaded_derived(source, chosen.payload)?),
         None => None,
@@ -79,7 +78,15 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         Some(path) => stated(path, args.out.as_deref(), &logs, filter.as_ref())?,
         None => None,
     };
-    let proposed = stated.or_else(|| proposal(&relative, &logs, robot.is_some(), filter.as_ref()));
+    let proposed = stated.or_else(|| {
+        let text = proposal(&relative, &logs, robot.is_some(), filter.as_ref())?;
+        let lost = "# what the inspected experiment file states besides is not copied\n";
+        Some(if experiment.is_some() {
+            text + lost
+        } else {
+            text
+        })
+    });
     let doubt_texts: Vec<String> = doubts.iter().map(ToString::to_string).collect();
     let found = Inspection {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
@@ -182,7 +189,7 @@ struct Chosen {
 }
 
 impl Chosen {
-    fn new(args: &InspectArgs) -> Self {
+    fn new(args: &InspectArgs, fitted: usize) -> Self {
         let carried = args
             .logs
             .iter()
@@ -198,7 +205,7 @@ impl Chosen {
         if !experiment.is_some_and(|e| e.carries()) {
             return Self {
                 runs: bare,
-                fitted: usize::MAX,
+                fitted,
                 payload: args.reading.payload,
                 note: None,
                 why: None,
@@ -215,7 +222,7 @@ impl Chosen {
                     )
                 }),
                 runs: bare,
-                fitted: usize::MAX,
+                fitted,
                 payload: Some(PayloadArg::None),
                 why: None,
             };
@@ -223,7 +230,7 @@ impl Chosen {
         let bodies = experiment.map_or(0, |e| e.payloads.len());
         Self {
             runs: loaded,
-            fitted: usize::MAX,
+            fitted,
             payload: Some(PayloadArg::Carried),
             note: Some(
                 "predicted for the robot with its payload, which all runs carry: the parameters \
@@ -327,8 +334,8 @@ fn reading(
 }
 
 /// The prediction of what the logs can identify, and the contradictions between logs and robot; adds
-/// delays to the efforts in `logs` if none has one, and gives the filter that was chosen. The inner error is the reason why the logs cannot
-/// be read for this robot, in words.
+/// delays to the efforts in `logs` if none has one, and gives the filter that was chosen. The inner error is
+/// the reason why the logs cannot be read for this robot, in words.
 fn predicted(
     model: &Interpreted<'_>,
     robot: &Robot,

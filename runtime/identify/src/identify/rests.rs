@@ -88,7 +88,7 @@ fn static_friction(set: &FactorSet, estimate: &Estimate) -> Vec<f64> {
     let ratio = pairs.map(|(factor, effort)| {
         let columns = factor.r().chunks_exact(factor.columns().max(1));
         let friction = columns.zip(&estimate.values).zip(factor.labels());
-        let friction = friction.filter(|(_, label)| label.starts_with("Fc("));
+        let friction = friction.filter(|(_, label)| label.starts_with("Fc"));
         let squares = friction
             .map(|((column, value), _)| column.iter().map(|x| x * x).sum::<f64>() * value * value);
         let rms = (squares.sum::<f64>() / factor.rows().max(1) as f64).sqrt();
@@ -136,5 +136,7 @@ mod tests {
         }
         // no other column is friction that depends on the direction
         assert!(ratio("Fv(q1)", 4e-3).abs() < 1e-12);
+        // friction of one direction is
+        assert!(ratio("Fc+(q1)", 4e-3) > 1.0);
     }
 }
