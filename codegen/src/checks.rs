@@ -143,6 +143,9 @@ pub(crate) fn home_report(
             without_home(spec),
             names(choice)
         )),
+        HomeProblem::Singular { mobility, beside, remedy } => {
+            home::singular(spec, model, *mobility, *beside, remedy.as_ref())
+        }
     };
     Report::new(source.clone(), vec![diagnostic])
 }

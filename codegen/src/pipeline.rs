@@ -239,6 +239,7 @@ impl Mechanism {
     ///   ([`HomeProblem::Mobility`]);
     /// - the dependent coordinates do not follow from the independent ones at home
     ///   ([`HomeProblem::NotIndependent`]);
+    /// - home is singular ([`HomeProblem::Singular`]);
     /// - the two frames of a cut differ by a half turn at home;
     /// - the expression graph is full: the robot needs more expressions than can be numbered;
     /// - `base: drop` in the spec names a parameter that is not a base parameter.

@@ -208,6 +208,8 @@ pub struct LoopClosure<'m, M: ?Sized> {
     /// The states at which lines start: home, and the last closed solution of a `track` call;
     /// `None` if home is not closed or is singular.
     starts: Option<(Point, Point)>,
+    /// The largest number of continuation steps to a state.
+    max_steps: usize,
 }
 
 /// The state at which a line in the independent coordinates starts.
@@ -259,7 +261,14 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
             newton,
             home,
             starts,
+            max_steps: path::MAX_STEPS,
         })
+    }
+
+    /// Limits the number of continuation steps to a state; one that takes more is
+    /// [`Outcome::NotClosed`]. A path of thousands of rad is followed without a limit.
+    pub fn limit_steps(&mut self, steps: usize) {
+        self.max_steps = steps.min(path::MAX_STEPS);
     }
 
     /// The unit of length, m, in which residuals and steps are measured: 256^k m with an integer k,
@@ -394,7 +403,8 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
             .newton
             .model
             .to_scaled_of(&self.newton.independent, q_i);
-        let (mut point, mut outcome, steps) = path::follow(&mut self.newton, start, &scaled)?;
+        let (mut point, mut outcome, steps) =
+            path::follow(&mut self.newton, start, &scaled, self.max_steps)?;
         let polished_residual = self.newton.polish(&mut point.q)?;
         let closes = polished_residual <= self.newton.tolerance(&point.q)?;
         let q = self.newton.model.to_model_units(&point.q);

@@ -127,3 +127,97 @@ fn a_cut_whose_axes_are_opposite_at_home_is_refused_with_what_turns_them() {
         regen(&dir, &["verify", &file]).ended(0);
     }
 }
+
+/// A four-bar between pivots at a distance of `base`, with a crank of 3/10.
+fn fourbar(base: &str, coupler: &str, rocker: &str, more: &str) -> String {
+    format!(
+        "name: bars\nlimbs:\n  - name: left\n    joints:\n      \
+         - {{name: q1, type: revolute, body: crank, actuated: true}}\n      \
+         - {{name: q2, type: revolute, dh: {{a: 3/10}}, body: coupler}}\n  - name: right\n    \
+         base: {{xyz: [{base}, 0, 0]}}\n    \
+         joints: [{{name: q3, type: revolute, body: rocker}}]\ncuts:\n  \
+         - {{name: pin, joint: revolute, between: [{{body: coupler, xyz: [{coupler}, 0, 0]}}, \
+         {{body: rocker, xyz: [{rocker}, 0, 0]}}]}}\n{more}\n"
+    )
+}
+
+#[test]
+fn a_singular_home_is_refused_with_a_home_from_which_base_parameters_are_complete() {
+    let dir = scratch("check-singular-home");
+    let flat = fourbar("6/10", "6/10", "3/10", "");
+    let folded = fourbar("5/10", "4/10", "4/10", "home: {q1: pi, q2: pi, q3: pi}");
+    // Newton's method ends near the singular state, not at it
+    let near = format!("{flat}home: {{q1: 0, q2: -0.1, q3: 0.2}}\n");
+    for (name, text) in [
+        ("flat.yaml", &flat),
+        ("as_motors.yaml", &format!("{flat}independent: [q1, q2]\n")),
+        ("folded.yaml", &folded),
+        ("near.yaml", &near),
+    ] {
+        std::fs::write(dir.join(name), text).unwrap();
+        for command in ["check", "base", "generate"] {
+            let run = regen(&dir, &[command, name]).ended(3);
+            let words =
+                "home is singular: the mechanism has 2 degrees of freedom there, and 1 beside it";
+            assert!(run.err.contains(words), "{name} {command}\n{}", run.err);
+            assert!(
+                !run.err.contains("give a joint with a motor"),
+                "{}",
+                run.err
+            );
+        }
+        let run = regen(&dir, &["check", name]).ended(3);
+        let said = run.err.split("`home: ").nth(1).expect(&run.err);
+        let home = said.split('`').next().unwrap();
+        let kept = text
+            .lines()
+            .filter(|l| !l.starts_with("home") && !l.starts_with("indep"));
+        let mended = format!("{}\nhome: {home}\n", kept.collect::<Vec<_>>().join("\n"));
+        std::fs::write(dir.join("mended.yaml"), mended).unwrap();
+        let found = regen(&dir, &["check", "mended.yaml", "--format", "json"])
+            .ended(0)
+            .json();
+        assert_eq!(found["mobility"], 1, "{name} {home}");
+        regen(&dir, &["base", "mended.yaml"]).ended(0);
+    }
+}
+
+#[test]
+fn a_mechanism_whose_freedoms_are_the_same_beside_home_has_no_singular_home() {
+    let dir = scratch("check-regular-home");
+    // one more joint: two freedoms at home and beside it
+    let five = fourbar(
+        "8/10",
+        "4/10",
+        "4/10",
+        "home: {q1: 2, q2: -0.5, q4: -1, q3: 2}",
+    )
+    .replace(
+        "body: coupler}\n",
+        "body: link}\n      - {name: q4, type: revolute, dh: {a: 4/10}, body: coupler}\n",
+    );
+    // a slider at its dead centre: one freedom there too, which the slider cannot drive
+    let slider = "name: slider\nlimbs:\n  - name: left\n    joints:\n      \
+                  - {name: q1, type: revolute, body: crank}\n      \
+                  - {name: q2, type: revolute, dh: {a: 3/10}, body: rod}\n  - name: right\n    \
+                  joints: [{name: s, type: prismatic, axis: x, body: slider, actuated: true}]\ncuts:\n  \
+                  - {name: pin, joint: revolute, between: [{body: rod, xyz: [7/10, 0, 0]}, {body: slider}]}\n\
+                  home: {s: 1}\n";
+    for (name, text, words) in [
+        (
+            "five.yaml",
+            five.as_str(),
+            "the mechanism has 2 degrees of freedom at home",
+        ),
+        (
+            "slider.yaml",
+            slider,
+            "the other coordinates do not follow from [s] at home",
+        ),
+    ] {
+        std::fs::write(dir.join(name), text).unwrap();
+        let run = regen(&dir, &["check", name]).ended(3);
+        assert!(run.err.contains(words), "{}", run.err);
+        assert!(!run.err.contains("home is singular"), "{}", run.err);
+    }
+}

@@ -49,6 +49,14 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
                 HomeProblem::NotClosed { near, .. } => {
                     not_closed(&mechanism, &problem, near, home_option)
                 }
+                HomeProblem::Singular { remedy, .. } => {
+                    let (message, hint) = described(&mechanism, &problem);
+                    let hint = remedy.as_ref().map_or(hint, |remedy| {
+                        let home = values(model, &remedy.home);
+                        format!("draw it in another pose, or give `{home_option} {home}` (tried)")
+                    });
+                    (message, hint)
+                }
                 _ => (
                     "the mechanism cannot move at home".to_owned(),
                     "a cut or a coupling is too many, or home is singular".to_owned(),
@@ -69,20 +77,27 @@ fn not_closed(
     near: &[Vec<f64>],
     home_option: &str,
 ) -> (String, String) {
-    let report = mechanism.report(problem);
-    let first = report.diagnostics.into_iter().next();
-    let (message, hint) = first.map_or_else(Default::default, |d| (d.message, d.hint));
+    let (message, hint) = described(mechanism, problem);
     let states = near.iter().take(MAX_PROPOSALS);
     let states =
         states.map(|state| format!("`{home_option} {}`", values(mechanism.model(), state)));
     let states: Vec<String> = states.collect();
     if states.is_empty() {
-        return (message, hint.unwrap_or_default());
+        return (message, hint);
     }
     (
         message,
         format!("the loops close from {}", states.join(", or ")),
     )
+}
+
+/// The message and the hint of a problem at home, as for a spec.
+fn described(mechanism: &Mechanism, problem: &HomeProblem) -> (String, String) {
+    let report = mechanism.report(problem);
+    let first = report.diagnostics.into_iter().next();
+    first.map_or_else(Default::default, |d| {
+        (d.message, d.hint.unwrap_or_default())
+    })
 }
 
 /// The coordinates that are not 0 in a state, as `NAME=VALUE,NAME=VALUE`.

@@ -83,6 +83,7 @@ fn without_a_second_frame_the_loop_is_closed_at_zero() {
     // with all links on a line: the coupler's end is at (0.47, 0), in the rocker's frame at 0.07
     let options = Options {
         cuts: words(&["pin:spherical:coupler@0.35,0,0.1:rocker"]),
+        home: words(&["q1=0.3"]),
         ..Options::default()
     };
     let spec = imported_with(TREE, &options).spec;
@@ -193,4 +194,55 @@ fn where_the_loops_do_not_close_a_home_that_does_is_given() {
         refusals += 1;
     }
     assert!(refusals > 0);
+}
+
+/// A parallelogram drawn flat, as CAD exports have it, in both formats.
+#[test]
+fn a_loop_drawn_flat_is_refused_with_a_home_from_which_it_is_imported() {
+    let body = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><origin xyz=\"0.1 0 0\"/><mass value=\"1\"/>\
+             <inertia ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.01\" iyz=\"0\" izz=\"0.01\"/></inertial></link>"
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, x: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
+             <origin xyz=\"{x} 0 0\"/><axis xyz=\"0 1 0\"/></joint>"
+        )
+    };
+    let urdf = format!(
+        "<robot name=\"flat\"><link name=\"ground\"/>{}{}{}{}{}{}</robot>",
+        body("crank"),
+        body("coupler"),
+        body("rocker"),
+        joint("q1", "ground", "crank", "0"),
+        joint("q2", "crank", "coupler", "0.2"),
+        joint("q3", "ground", "rocker", "0.6"),
+    );
+    let inertial = "<inertial pos=\"0.1 0 0\" mass=\"1\" diaginertia=\"0.01 0.01 0.01\"/>";
+    let mjcf = format!(
+        "<mujoco model=\"flat\"><compiler angle=\"radian\"/><worldbody>\
+         <body name=\"crank\">{inertial}<joint name=\"q1\" axis=\"0 1 0\"/>\
+         <body name=\"coupler\" pos=\"0.2 0 0\">{inertial}<joint name=\"q2\" axis=\"0 1 0\"/></body></body>\
+         <body name=\"rocker\" pos=\"0.6 0 0\">{inertial}<joint name=\"q3\" axis=\"0 1 0\"/></body></worldbody>\
+         <equality><connect body1=\"coupler\" body2=\"rocker\" anchor=\"0.6 0 0\"/></equality>\
+         <actuator><motor joint=\"q1\"/></actuator></mujoco>"
+    );
+    let with_loop = Options {
+        cuts: words(&["pin:revolute:coupler@0.6,0,0,pi/2,0,0:rocker@0.2,0,0,pi/2,0,0"]),
+        ..Options::default()
+    };
+    for (text, mut options) in [(urdf, with_loop), (mjcf, Options::default())] {
+        options.names.home = "--home";
+        let said = refused_with(&text, &options);
+        assert!(said.contains("home is singular"), "{said}");
+        let home = said.split("`--home ").nth(1).unwrap();
+        let home = home.split('`').next().unwrap();
+        options.home = home.split(',').map(str::to_owned).collect();
+        let spec = imported_with(&text, &options).spec;
+        assert_has(&spec, "home: {q1: 0.6}");
+        // one freedom: the motor's, which needs no list
+        assert!(!spec.contains("independent:"), "{spec}");
+    }
 }

@@ -1,6 +1,6 @@
 //! The error of a home from which the loops do not close: which cut gapes, and what closes.
 
-use crate::constraints::Gap;
+use crate::constraints::{Gap, RegularHome};
 use crate::diag::{Diagnostic, rounded};
 use crate::model::Model;
 use crate::spec::Spec;
@@ -61,6 +61,51 @@ pub(super) fn not_closed(
     Diagnostic::new(span, message)
         .path("home")
         .label("start of the closure solve")
+        .hint(hint)
+}
+
+/// Describes a singular home, and a regular one that was tried.
+pub(super) fn singular(
+    spec: &Spec,
+    model: &Model,
+    mobility: usize,
+    beside: usize,
+    remedy: Option<&RegularHome>,
+) -> Diagnostic {
+    let message = format!(
+        "home is singular: the mechanism has {} there, and {beside} beside it",
+        super::counted(mobility, "degree of freedom", "degrees of freedom"),
+    );
+    let hint = match remedy {
+        None => {
+            "the loops are stretched, folded or flat there: give `home` the driven coordinates of a state \
+             that the robot takes at work; none of a few that were tried closes and is regular"
+                .to_owned()
+        }
+        Some(remedy) => {
+            let names = |which: &[usize]| {
+                super::list(which.iter().map(|c| model.coordinates[*c].name.clone()))
+            };
+            let choice = if remedy.independent == model.independent {
+                String::new()
+            } else {
+                format!(" with `independent: {}`", names(&remedy.independent))
+            };
+            let follow = model.coordinates.iter().zip(&remedy.closed).enumerate();
+            let follow = follow.filter(|(c, _)| {
+                !remedy.independent.contains(c) && !model.drives.contains(c)
+            });
+            let follow = follow.map(|(_, (c, value))| format!("{} {}", c.name, rounded(*value)));
+            format!(
+                "give a home beside it, for instance {}{choice}, which closes at {} and is regular (tried)",
+                line(spec, model, &remedy.home),
+                follow.collect::<Vec<_>>().join(", ")
+            )
+        }
+    };
+    Diagnostic::new(spec.home_span.unwrap_or(spec.name.span), message)
+        .path("home")
+        .label(format!("mobility {beside} beside it"))
         .hint(hint)
 }
 

@@ -79,6 +79,18 @@ impl Closed {
                     near,
                 });
             }
+            Err(HomeProblem::Singular {
+                mobility,
+                beside,
+                remedy,
+            }) => {
+                drop(loops);
+                return Err(HomeProblem::Singular {
+                    mobility,
+                    beside,
+                    remedy: remedy.filter(|home| is_aligned(g, frames, model, &home.closed)),
+                });
+            }
             closed => closed?,
         };
         if model.dependent.is_empty() {

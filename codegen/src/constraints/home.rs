@@ -10,6 +10,7 @@ use crate::sym::eval::Evaluator;
 use super::gap::{Gap, gaps};
 use super::rows::Equations;
 use super::search::{branch_of_home, closed_states_near};
+use super::singular::check_regular;
 use super::units::Units;
 
 /// Largest residual of a closed mechanism, in the mechanism's units.
@@ -63,6 +64,27 @@ pub enum HomeProblem {
         /// The reason why the given choice is not valid.
         mismatch: Mismatch,
     },
+    /// Home is singular: the mechanism has fewer degrees of freedom at all closed states beside it.
+    Singular {
+        /// Degrees of freedom at home, to first order.
+        mobility: usize,
+        /// Degrees of freedom beside home.
+        beside: usize,
+        /// A home that was tried: it closes, and is regular.
+        remedy: Option<RegularHome>,
+    },
+}
+
+/// A home from which the loops close at a regular state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegularHome {
+    /// The home, rad or m, by coordinate: only the values that need to be given differ from those of
+    /// the spec.
+    pub home: Vec<f64>,
+    /// The closed state, rad or m, by coordinate.
+    pub closed: Vec<f64>,
+    /// The independent coordinates with which it was tried.
+    pub independent: Vec<usize>,
 }
 
 /// How independent coordinates fail to determine the rates of the others at home.
@@ -88,6 +110,13 @@ impl fmt::Display for HomeProblem {
             ),
             Self::NotIndependent { .. } => f.write_str(
                 "the dependent coordinates do not follow from the independent ones at home",
+            ),
+            Self::Singular {
+                mobility, beside, ..
+            } => write!(
+                f,
+                "home is singular: the mechanism has {mobility} degrees of freedom there, and {beside} \
+                 beside it"
             ),
         }
     }
@@ -230,19 +259,33 @@ fn largest(f: &[f64]) -> f64 {
 /// within 1 in all coordinates. Otherwise the states are part of the error.
 ///
 /// # Errors
-/// If the loops do not close, or the independent coordinates do not fit the mobility.
+/// If the loops do not close, or the independent coordinates do not fit the mobility, or home is
+/// singular.
 pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, HomeProblem> {
+    close_from_home(loops, model, &|q| {
+        let fitting = fits_mobility(loops, model, q);
+        check_regular(loops, model, q, fitting.is_ok())?;
+        fitting
+    })
+}
+
+/// As [`close_home`], with what a closed state must pass.
+pub(super) fn close_from_home(
+    loops: &NumericLoops<'_>,
+    model: &Model,
+    check: &dyn Fn(&[f64]) -> Result<(), HomeProblem>,
+) -> Result<Vec<f64>, HomeProblem> {
     let start: Vec<f64> = model.home.iter().map(crate::sym::Number::to_f64).collect();
     let size = 1.0 + largest(&loops.normal(&start).0);
     let mut q = start.clone();
     let (open, _) = loops.close(&mut q, &model.dependent);
     if open <= CLOSURE_TOLERANCE * size {
-        check_mobility(loops, model, &q)?;
+        check(&q)?;
         return Ok(q);
     }
     let mut near = closed_states_near(loops, model);
     if let Some(branch) = branch_of_home(loops, model, &near) {
-        check_mobility(loops, model, &branch)?;
+        check(&branch)?;
         return Ok(branch);
     }
     // the choice of independent coordinates may be wrong: close over all coordinates and check the
@@ -251,7 +294,20 @@ pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, H
     let every = (0..model.coordinates.len()).collect::<Vec<_>>();
     let (any_residual, _) = close_least(loops, &mut all, &every);
     if any_residual <= MOBILITY_TOLERANCE * size {
-        check_mobility(loops, model, &all)?;
+        match check(&all) {
+            // it is not home that is singular: what counts is the mobility beside this state
+            Err(HomeProblem::Singular { beside, remedy, .. }) => {
+                let choice = remedy.map(|home| home.independent);
+                if let Some(choice) = choice.filter(|choice| *choice != model.independent) {
+                    return Err(HomeProblem::Mobility {
+                        mobility: beside,
+                        choice,
+                        mismatch: Mismatch::default(),
+                    });
+                }
+            }
+            other => other?,
+        }
         if near.is_empty() {
             near.push(all);
         }
@@ -267,7 +323,11 @@ pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, H
 
 /// Newton's method with more unknowns than equations: the pivot columns are chosen anew up to four
 /// times.
-fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f64, f64) {
+pub(super) fn close_least(
+    loops: &NumericLoops<'_>,
+    q: &mut Vec<f64>,
+    free: &[usize],
+) -> (f64, f64) {
     let mut last = (f64::INFINITY, 0.0);
     for _ in 0..4 {
         let (_, a) = loops.normal(q);
@@ -284,14 +344,26 @@ fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f
     last
 }
 
-fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<(), HomeProblem> {
-    let (_, mut a) = loops.normal(q);
-    // the rows of a cut that always holds are rounding errors and add no rank
+/// The rows of a cut that always holds are rounding errors and add no rank.
+pub(super) fn without_rounding(mut a: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     if a.iter().flatten().all(|x| x.abs() < MAX_ROUNDING) {
         for row in &mut a {
             row.fill(0.0);
         }
     }
+    a
+}
+
+/// Whether the independent coordinates fit the mobility at a closed state.
+///
+/// # Errors
+/// [`HomeProblem::Mobility`] or [`HomeProblem::NotIndependent`].
+pub(super) fn fits_mobility(
+    loops: &NumericLoops<'_>,
+    model: &Model,
+    q: &[f64],
+) -> Result<(), HomeProblem> {
+    let a = without_rounding(loops.normal(q).1);
     let n = model.coordinates.len();
     let (rank, _) = rank_and_columns(a.clone(), RANK_TOLERANCE);
     let mobility = n - rank;
@@ -344,7 +416,7 @@ fn mismatch(a: &[Vec<f64>], model: &Model) -> Mismatch {
 }
 
 /// A valid choice of independent coordinates, actuated ones if possible.
-fn valid_choice(a: &[Vec<f64>], model: &Model, rank: usize) -> Vec<usize> {
+pub(super) fn valid_choice(a: &[Vec<f64>], model: &Model, rank: usize) -> Vec<usize> {
     let n = model.coordinates.len();
     // prefer coupled coordinates as dependent ones: they are dependent in any case
     let keys = model.couplings.iter().map(|c| c.key);

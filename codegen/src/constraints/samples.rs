@@ -49,7 +49,7 @@ pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> V
             for (c, d) in model.independent.iter().zip(&target) {
                 next[*c] += d / STEPS_PER_STATE as f64;
             }
-            predict(loops, model, &q, &mut next);
+            predict(loops, [&model.independent, &model.dependent], &q, &mut next);
             let (residual, _) = loops.close(&mut next, &model.dependent);
             let (_, a) = loops.normal(&next);
             let rhs = vec![vec![]; a.len()];
@@ -67,22 +67,26 @@ pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> V
 
 /// Moves the dependent coordinates together with the independent ones, to first order: dq_e = -X
 /// dq_i.
-fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]) {
-    if model.dependent.is_empty() {
+pub(super) fn predict(
+    loops: &NumericLoops<'_>,
+    [independent, dependent]: [&[usize]; 2],
+    from: &[f64],
+    to: &mut [f64],
+) {
+    if dependent.is_empty() {
         return;
     }
     let (_, a) = loops.normal(from);
     let unit = &loops.units().coordinates;
     let rhs = a.iter().map(|row| {
-        let moved = model
-            .independent
+        let moved = independent
             .iter()
             .map(|&c| row[c] * ((to[c] - from[c]) / unit[c]));
         vec![-moved.sum::<f64>()]
     });
-    let solved = solve_pivoted(select(&a, &model.dependent), rhs.collect());
+    let solved = solve_pivoted(select(&a, dependent), rhs.collect());
     if solved.pivot_ratio > 0.0 {
-        for (c, d) in model.dependent.iter().zip(&solved.solution) {
+        for (c, d) in dependent.iter().zip(&solved.solution) {
             to[*c] += d[0] * unit[*c];
         }
     }

@@ -116,7 +116,7 @@ fn same_sign(one: f64, other: f64) -> bool {
 
 /// Whether all coordinates are within their limits; a limit that home itself violates does not
 /// count.
-fn within_limits(model: &Model, home: &[f64], q: &[f64]) -> bool {
+pub(super) fn within_limits(model: &Model, home: &[f64], q: &[f64]) -> bool {
     let all = model.coordinates.iter().zip(home).zip(q);
     all.into_iter()
         .all(|((coordinate, home), q)| match coordinate.position {

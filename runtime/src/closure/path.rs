@@ -22,7 +22,7 @@ const MAX_MATRIX_CHANGE: f64 = 0.5;
 const MIN_RELATIVE_STEP: f64 = 1e-12;
 
 /// Bound on the number of continuation steps, enough for a path of thousands of rad.
-const MAX_STEPS: usize = 50_000;
+pub(super) const MAX_STEPS: usize = 50_000;
 
 /// A closed state on the branch, with its A_e.
 #[derive(Clone, Debug)]
@@ -106,11 +106,12 @@ fn dependent_matrix<M: Model<f64> + ?Sized>(
 /// Follows the branch from a regular, closed point to the independent coordinates `target`.
 ///
 /// Returns the last state on the branch, which is at `target` if the outcome is
-/// [`Outcome::Closed`], and the number of steps taken.
+/// [`Outcome::Closed`], and the number of steps taken, at most `max_steps`.
 pub(super) fn follow<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     start: &Point,
     target: &[f64],
+    max_steps: usize,
 ) -> Result<(Point, Outcome, usize), ClosureError> {
     let origin: Vec<f64> = newton
         .independent
@@ -130,8 +131,8 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
         1.0
     };
 
-    // the line needs more than MAX_STEPS steps, for instance to a measured value of 1e300
-    if length > MAX_PREDICTOR_MOVE * MAX_STEPS as f64 {
+    // the line needs more than the steps allowed, for instance to a measured value of 1e300
+    if length > MAX_PREDICTOR_MOVE * max_steps as f64 {
         let residual = newton.residual(&start.q)?;
         let outcome = Outcome::NotClosed { at: 0.0, residual };
         return Ok((start.clone(), outcome, 0));
@@ -190,7 +191,7 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
             }
         }
         steps += 1;
-        if steps == MAX_STEPS {
+        if steps >= max_steps && done < 1.0 {
             let residual = newton.residual(&point.q)?;
             return Ok((point, Outcome::NotClosed { at: done, residual }, steps));
         }

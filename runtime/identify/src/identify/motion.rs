@@ -3,12 +3,15 @@
 use crate::qr_update::{reduce, substitute};
 use crate::turned::turn;
 use regen_batch::TrajectoryClosure;
-use regen_runtime::{ClosureError, Model, Outcome, SizeError, State};
+use regen_runtime::{ClosureError, Model, Outcome, SizeError, Solution, State};
 
 /// The largest number of Gauss-Newton steps; usually two or three suffice.
 pub(super) const MAX_STEPS: usize = 30;
 /// A step below this, rad or m, ends the iteration: it is of the size of rounding errors.
 pub(super) const STEP_TOLERANCE: f64 = 1e-13;
+/// Where a limit is set, the measured coordinates count as fused if the last step was below this,
+/// relative to 1 + the coordinate.
+const FUSED_STEP: f64 = 1e-6;
 /// A pivot below this part of the largest means that the measured coordinates do not determine
 /// the motion.
 const MIN_PIVOT_RATIO: f64 = 1e-9;
@@ -30,6 +33,8 @@ pub struct Completion<'m, M: ?Sized> {
     direct: Option<Vec<usize>>,
     /// The independent coordinates of the last state, rad or m.
     pub(super) last: Vec<f64>,
+    /// The most continuation steps to a state; `None` without a limit.
+    max_steps: Option<usize>,
 }
 
 /// States of motion of consecutive samples. The entries of each state are consecutive.
@@ -129,7 +134,16 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
             weights: deviations.iter().map(|d| 1.0 / d).collect(),
             direct,
             last,
+            max_steps: None,
         })
+    }
+
+    /// Counts a state of [`complete`](Self::complete) as open if it takes more continuation steps than
+    /// this, or if the measured coordinates are not fused: for columns that may be wrong, whose
+    /// states would each cost a long search that fails.
+    pub(super) fn limited(mut self, steps: usize) -> Self {
+        self.max_steps = Some(steps);
+        self
     }
 
     /// Starts from the home position again, for the next log.
@@ -162,6 +176,9 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         if let Some(places) = &self.direct {
             let pick = |values: &[f64]| -> Vec<f64> { places.iter().map(|&p| values[p]).collect() };
             let closure = self.closure.single()?;
+            if let Some(most) = self.max_steps {
+                closure.limit_steps(most);
+            }
             let state = closure.track_state(&pick(q), &pick(qd), &pick(qdd))?;
             return Ok(match state.outcome {
                 Outcome::Closed => Completed::State(state),
@@ -249,10 +266,26 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         Ok(states)
     }
 
+    /// Follows the loops to `q_i`, with at most the rest of the steps that are allowed for a state.
+    fn follow(&mut self, q_i: &[f64], taken: &mut usize) -> Result<Solution, ClosureError> {
+        let left = self
+            .max_steps
+            .map(|most| most.saturating_sub(*taken).max(1));
+        let closure = self.closure.single()?;
+        if let Some(left) = left {
+            closure.limit_steps(left);
+        }
+        let solution = closure.track(q_i)?;
+        *taken += solution.steps;
+        Ok(solution)
+    }
+
     /// Finds the independent coordinates by Gauss-Newton steps, then their derivatives.
     fn fuse(&mut self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Result<Completed, ClosureError> {
         let mut q_i = self.last.clone();
-        let mut solution = self.closure.single()?.track(&q_i)?;
+        let mut taken = 0;
+        let mut solution = self.follow(&q_i, &mut taken)?;
+        let mut moved = f64::INFINITY;
         for _ in 0..MAX_STEPS {
             if !solution.outcome.is_closed() {
                 return Ok(Completed::Open(solution.outcome));
@@ -269,13 +302,21 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
             for (value, step) in q_i.iter_mut().zip(&step) {
                 *value += step;
             }
-            solution = self.closure.single()?.track(&q_i)?;
+            solution = self.follow(&q_i, &mut taken)?;
+            let sizes = step.iter().zip(&q_i);
+            moved = sizes.fold(0.0, |m, (s, q)| f64::max(m, s.abs() / (1.0 + q.abs())));
             if step.iter().all(|s| s.abs() < STEP_TOLERANCE) {
                 break;
             }
         }
         if !solution.outcome.is_closed() {
             return Ok(Completed::Open(solution.outcome));
+        }
+        if self.max_steps.is_some() && moved > FUSED_STEP {
+            return Ok(Completed::Open(Outcome::NotClosed {
+                at: 1.0,
+                residual: solution.residual,
+            }));
         }
         let columns = self.columns(&solution.q)?;
         let Some(qd_i) = self.least_squares(&columns, qd) else {

@@ -50,6 +50,16 @@ const MIN_RELATIVE_ERROR: f64 = 1e-3;
 const POSTURES: usize = 16;
 /// The smallest part of the states at which the loops must close.
 const MIN_CLOSED_PART: f64 = 0.8;
+/// The most continuation steps to a state: enough for a path of tens of rad. Columns that are wrong
+/// lead to states that do not close, and a search to the end takes thousands of steps for each.
+const MAX_STEPS: usize = 200;
+/// How many more states than the rest of [`MIN_CLOSED_PART`] may fail before a hypothesis is given up.
+const SPARE_FAILURES: usize = 4;
+/// The largest distance of measured coordinates, more than needed, from the closed state that is
+/// nearest to them, over their spread: with more, a hypothesis contradicts itself.
+const MAX_CONTRADICTION: f64 = 0.2;
+/// The least spread of a coordinate, over the largest of its kind.
+const MIN_SPREAD: f64 = 0.05;
 
 /// The index, among all parameters, of the parameter that names a base parameter.
 fn place<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Option<usize> {
@@ -97,6 +107,40 @@ fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
     beta.iter().any(|b| *b != 0.0).then_some(beta)
 }
 
+/// The standard deviation of each measured coordinate as it is read; those that hardly move count with
+/// a part of the largest one of their kind.
+fn spreads<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    positions: &[Reading],
+) -> Vec<f64> {
+    let count = sample.states.len().max(1) as f64;
+    let own = positions.iter().map(|reading| {
+        let values = sample
+            .states
+            .iter()
+            .filter_map(|state| state.motion[0].get(reading.from));
+        let mean = values.clone().sum::<f64>() / count;
+        let square = values.map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        square.sqrt() * reading.factor.abs()
+    });
+    let own: Vec<f64> = own.collect();
+    let joints = model.info().joints;
+    let kinds: Vec<_> = sample
+        .measured
+        .iter()
+        .map(|c| joints.get(*c).map(|j| j.motion))
+        .collect();
+    let floor = |kind| {
+        let same = own.iter().zip(&kinds).filter(|(_, other)| **other == kind);
+        MIN_SPREAD * same.fold(0.0, |m: f64, (s, _)| m.max(*s))
+    };
+    own.iter()
+        .zip(&kinds)
+        .map(|(spread, kind)| spread.max(floor(*kind)))
+        .collect()
+}
+
 impl Grams {
     /// Sums over every `every`-th state, with the given readings of the positions. `None` if the
     /// loops close at no state.
@@ -106,11 +150,36 @@ impl Grams {
         positions: &[Reading],
         every: usize,
     ) -> Option<Self> {
+        Self::sums(model, sample, positions, every, None)
+    }
+
+    /// As [`of`](Self::of), for readings that are likely to be wrong: `None` as soon as the loops close
+    /// at too few of the first states, or coordinates that are measured beyond need contradict the
+    /// others there.
+    pub(super) fn of_hypothesis<M: BaseModel<f64> + ?Sized>(
+        model: &M,
+        sample: &Sample,
+        positions: &[Reading],
+        every: usize,
+    ) -> Option<Self> {
+        let spreads = spreads(model, sample, positions);
+        Self::sums(model, sample, positions, every, Some(&spreads))
+    }
+
+    /// - `spreads`: of the measured coordinates, for a hypothesis.
+    fn sums<M: BaseModel<f64> + ?Sized>(
+        model: &M,
+        sample: &Sample,
+        positions: &[Reading],
+        every: usize,
+        spreads: Option<&[f64]>,
+    ) -> Option<Self> {
         let info = model.info();
         let (dof, efforts) = (info.dof(), info.actuated.len());
         let columns = model.base_info().base.len();
         let ones = vec![1.0; sample.measured.len()];
-        let mut completion = Completion::new(model, &sample.measured, &ones).ok()?;
+        let completion = Completion::new(model, &sample.measured, &ones).ok()?;
+        let mut completion = completion.limited(MAX_STEPS);
         let beta = nominal(model);
         let mut out = Self {
             columns,
@@ -136,8 +205,26 @@ impl Grams {
                 let one = |r: &Reading| Some(column.get(r.from)? * r.factor);
                 positions.iter().map(one).collect()
             };
-            let completed = completion.complete(&read(0)?, &read(1)?, &read(2)?).ok()?;
-            let Completed::State(full) = completed else {
+            let measured = read(0)?;
+            let completed = completion.complete(&measured, &read(1)?, &read(2)?).ok()?;
+            let state_of_loops = match completed {
+                Completed::State(full) => Some(full),
+                Completed::Open(_) | Completed::Unmeasured => None,
+            };
+            let contradicts = |q: &[f64]| match spreads {
+                Some(spreads) if measured.len() > dof => {
+                    let places = sample.measured.iter().zip(&measured).zip(spreads);
+                    let squares = places.map(|((c, y), spread)| ((y - q[*c]) / spread).powi(2));
+                    squares.sum::<f64>() > measured.len() as f64 * MAX_CONTRADICTION.powi(2)
+                }
+                _ => false,
+            };
+            let Some(full) = state_of_loops.filter(|full| !contradicts(&full.q)) else {
+                let failed = out.tried - out.count as usize;
+                let usual = (1.0 - MIN_CLOSED_PART) * out.tried as f64;
+                if spreads.is_some() && failed as f64 > usual + SPARE_FAILURES as f64 {
+                    return None;
+                }
                 // the loops close at none of the first states: give up
                 if out.count == 0.0 && out.tried >= 20 {
                     return None;

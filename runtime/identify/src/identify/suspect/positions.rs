@@ -75,7 +75,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
             .enumerate()
         {
             step(round * all + k, MAX_ROUNDS * all);
-            let Some(grams) = Grams::of(model, sample, &candidate.positions, every) else {
+            let Some(grams) = Grams::of_hypothesis(model, sample, &candidate.positions, every)
+            else {
                 continue;
             };
             if !grams.closes() {
