@@ -31,7 +31,8 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     require_base(&model, &robot.name)?;
     let filter = {
         let session = session(&model, &args.reading);
-        choice::made(&mut args.reading, &session, &args.logs)?
+        let open = choice::open(&args.reading, false);
+        choice::made(&mut args.reading, &session, &args.logs, open)?
     };
     let (reading, corrected_delays) =
         delay::found_for(&args.reading, &session(&model, &args.reading), &args.logs)?;

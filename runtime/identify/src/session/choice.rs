@@ -19,12 +19,13 @@ use std::borrow::Borrow;
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 
+use super::delays::settled_delays;
 use super::motion_noise::{NoisyLogs, is_undetermined, rates, size_of, weighted, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
 use crate::friction::{nonlinear_joints, with_linear_friction};
-use crate::identify::{self, EquationKind, Options};
+use crate::identify::{self, Delay, EquationKind, Options};
 use crate::signals::{Method, SignalError};
 
 /// The order of the filters that are tried.
@@ -57,6 +58,14 @@ const AS_GOOD: f64 = 1.7;
 /// Velocities computed from the positions are taken in place of measured ones if their mean square error is
 /// below this part of that of the measured ones.
 const COMPUTED_BELOW: f64 = 0.7;
+/// Huber's loss takes the place of squares if its mean square error is below this part of theirs.
+const ROBUST_BELOW: f64 = 0.7;
+/// The bound of Huber's loss, in standard deviations: with normal residuals it loses 5 % of the efficiency
+/// (Huber, 1964).
+pub const HUBER_BOUND: f64 = 1.345;
+/// Huber's loss is tried where a residual is as many standard deviations large: the largest of a million normal
+/// ones is five.
+const HEAVY: f64 = 5.0;
 /// A filter that leaves more than this many times the residuals that a filter of a higher cutoff leaves bends
 /// the motion: of the same errors it would leave less.
 const BENT: f64 = 1.5;
@@ -92,7 +101,30 @@ pub struct VelocityChoice {
     pub computed: f64,
 }
 
-/// How the positions of logs are differentiated: a zero-phase Butterworth filter.
+/// Huber's loss beside squares of the residuals, behind the same filter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct LossChoice {
+    /// The bound of Huber's loss in standard deviations of the residuals; `None` where squares are as good.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub huber: Option<f64>,
+    /// What noise leaves unknown of the predicted efforts and biases with squares, rms, percent of the efforts.
+    pub squares: f64,
+    /// The same with Huber's loss.
+    pub bounded: f64,
+}
+
+/// What is chosen beside the filter and the velocities.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OpenChoices {
+    /// The delays of the efforts behind the motion.
+    pub delays: bool,
+    /// The loss of the residuals.
+    pub loss: bool,
+}
+
+/// How logs are read and equations are solved: a zero-phase Butterworth filter that the positions are
+/// differentiated behind, and what else was chosen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Choice {
@@ -108,13 +140,19 @@ pub struct Choice {
     /// Which velocities are used, where some are measured and those computed determine the parameters too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocities: Option<VelocityChoice>,
+    /// The delays of efforts that are significant and corrected, s.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub delays: Vec<(String, f64)>,
+    /// Which loss is used, where residuals are so large that Huber's was tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss: Option<LossChoice>,
     /// All cutoffs that were tried, in rising order.
     #[serde(default)]
     pub candidates: Vec<Candidate>,
 }
 
 impl Choice {
-    /// The settings with this choice; a decimation, an even grid or velocities that are given stay.
+    /// The settings with this choice; a decimation, an even grid, velocities or delays that are given stay.
     #[must_use]
     pub fn applied(&self, settings: &Settings) -> Settings {
         Settings {
@@ -128,8 +166,20 @@ impl Choice {
                 Some(own) if own.are_computed => settings.measured_rates.or(Some(false)),
                 _ => settings.measured_rates,
             },
+            delays: if settings.delays.is_empty() {
+                self.delays.clone()
+            } else {
+                settings.delays.clone()
+            },
+            are_delays_found: settings.are_delays_found
+                || settings.delays.is_empty() && !self.delays.is_empty(),
             ..settings.clone()
         }
+    }
+
+    /// The bound of Huber's loss, `None` where squares of the residuals are used.
+    pub fn huber(&self) -> Option<f64> {
+        self.loss.and_then(|own| own.huber)
     }
 
     /// The filter of the equations.
@@ -153,6 +203,10 @@ struct Trial {
     signal: Vec<f64>,
     /// The standard deviation of the residuals of each effort.
     residuals: Vec<f64>,
+    /// The largest residual of all efforts, in standard deviations.
+    largest: f64,
+    /// Whether an effort, or all, have a delay beyond chance.
+    is_late: bool,
     /// Whether an effort has less than three equations for two of the parameters in them: it is fitted with its
     /// noise, which then seems smaller than it is.
     is_scarce: bool,
@@ -172,25 +226,114 @@ impl Errors {
     }
 }
 
-/// Chooses how the positions of the logs are differentiated; `None` where there is nothing to choose: where
-/// all derivatives are measured, repetitions are averaged, or no cutoff determines the parameters.
+/// Chooses how the logs are read and solved; `None` where no filter is to be chosen: where all derivatives are
+/// measured, repetitions are averaged, or no cutoff determines the parameters.
+///
+/// - `open`: what is chosen too.
 ///
 /// # Errors
 /// When a log cannot be read.
 pub fn chosen<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     runs: &[Run],
+    open: OpenChoices,
 ) -> Result<Option<Choice>, SessionError> {
     if session.reading.period.is_some() || session.kind != EquationKind::Forces {
         return Ok(None);
     }
+    session.watch.phase("choosing a filter");
+    let found = found(session, runs, open);
+    session.watch.finished();
+    found
+}
+
+fn found<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    runs: &[Run],
+    open: OpenChoices,
+) -> Result<Option<Choice>, SessionError> {
     let reading = Settings {
         method: Method::Central,
         decimation: 1,
         ..session.reading.clone()
     };
-    session.watch.phase("choosing a filter");
-    let found = opened(session.model, runs, &reading).and_then(|(opened, mut resample)| {
+    let Some(mut basis) = Basis::opened(session, runs, &reading)? else {
+        return Ok(None);
+    };
+    let mut velocities = None;
+    if reading.measured_rates.is_none()
+        && let Some(without) = basis.logs.without_rates()
+    {
+        velocities = velocity_choice(session, &basis.search, &without)?;
+        if velocities.is_some_and(|own| own.are_computed) {
+            (basis.search, basis.logs) = (search(session, &without)?, without);
+        }
+    }
+    let Some(mut choice) = basis.choice() else {
+        return Ok(None);
+    };
+    choice.velocities = velocities;
+    if open.delays && reading.delays.is_empty() && basis.trial().is_some_and(|own| own.is_late) {
+        let filtered = session.with_reading(choice.applied(&session.reading));
+        let delays = settled_delays(&filtered, runs)?;
+        // late efforts disturb the choice of a cutoff, which is made again without their delays
+        let on_time = Settings {
+            measured_rates: filtered.reading.measured_rates,
+            delays: delays.clone(),
+            ..reading.clone()
+        };
+        if delays.iter().any(|(_, seconds)| *seconds != 0.0)
+            && let Some(again) = Basis::opened(session, runs, &on_time)?
+            && let Some(other) = again.choice()
+        {
+            choice = Choice {
+                velocities,
+                delays,
+                ..other
+            };
+            basis = again;
+        }
+    }
+    if open.loss && session.options.huber.is_none() {
+        let robust = Session {
+            options: Options {
+                huber: Some(HUBER_BOUND),
+                ..session.options
+            },
+            ..session.with_reading(session.reading.clone())
+        };
+        let loss = loss_choice(&robust, &basis)?;
+        if loss.is_some_and(|own| own.huber.is_some()) {
+            basis.search = search(&robust, &basis.logs)?;
+            if let Some(other) = basis.choice() {
+                choice = Choice {
+                    velocities: choice.velocities,
+                    delays: choice.delays,
+                    ..other
+                };
+            }
+        }
+        choice.loss = loss;
+    }
+    Ok(Some(choice))
+}
+
+/// Logs in memory, and the cutoffs that were tried on them.
+struct Basis<'m, M: BaseModel<f64> + ?Sized> {
+    logs: Logs<'m, M>,
+    /// See [`Choice::resample`].
+    resample: Option<f64>,
+    search: Search,
+}
+
+impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
+    /// Reads logs and tries cutoffs on them; `None` where no derivatives are computed.
+    fn opened(
+        session: &Session<'m, M>,
+        runs: &[Run],
+        reading: &Settings,
+    ) -> Result<Option<Self>, SessionError> {
+        let (opened, mut resample) = opened(session.model, runs, reading)?;
         if !opened.is_differentiated() {
             return Ok(None);
         }
@@ -209,50 +352,83 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
             logs = Logs::open(session.model, runs, &even)?.in_memory(MAX_ROWS)?;
             found = search(session, &logs);
         }
-        let mut found = found?;
-        let mut velocities = None;
-        if reading.measured_rates.is_none()
-            && let Some(without) = logs.without_rates()
-        {
-            velocities = velocity_choice(session, &found, &without)?;
-            if velocities.is_some_and(|own| own.are_computed) {
-                (found, logs) = (search(session, &without)?, without);
-            }
-        }
-        Ok(Some((found, logs, resample, velocities)))
-    });
-    session.watch.finished();
-    let Some((search, logs, resample, velocities)) = found? else {
+        Ok(Some(Self {
+            logs,
+            resample,
+            search: found?,
+        }))
+    }
+
+    /// The trial with the cutoff that is closest to the chosen one.
+    fn trial(&self) -> Option<&Trial> {
+        let (_, place) = self.search.chosen?;
+        self.search.trials.get(place)
+    }
+
+    /// The chosen filter; `None` if no cutoff determines the parameters.
+    fn choice(&self) -> Option<Choice> {
+        let (cutoff, _) = self.search.chosen?;
+        let efforts = mean_square(&self.trial()?.factor);
+        let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+        let pairs = self.search.trials.iter().zip(&self.search.errors);
+        let finite = pairs.filter(|(_, own)| own.sum().is_finite());
+        let candidates = finite.map(|(trial, own)| Candidate {
+            cutoff: trial.cutoff,
+            deviation: percent(own.variance),
+            bias: percent(own.bias),
+            apart: percent(own.apart),
+        });
+        Some(Choice {
+            order: ORDER,
+            cutoff,
+            decimation: whole(self.rate() / (EQUATION_RATE * cutoff)),
+            resample: self.resample,
+            velocities: None,
+            delays: Vec::new(),
+            loss: None,
+            candidates: candidates.collect(),
+        })
+    }
+
+    /// The lowest rate of the rows of the logs, Hz.
+    fn rate(&self) -> f64 {
+        let steps = self.logs.durations();
+        (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Compares Huber's loss with squares of the residuals at the chosen cutoff; `None` where no residual is as
+/// large that it would be better.
+///
+/// - `robust`: the session with Huber's loss.
+fn loss_choice<M: BaseModel<f64> + ?Sized>(
+    robust: &Session<'_, M>,
+    basis: &Basis<'_, M>,
+) -> Result<Option<LossChoice>, DataError> {
+    let Some(squares) = basis.trial().filter(|own| own.largest > HEAVY) else {
         return Ok(None);
     };
-    let Some((cutoff, place)) = search.chosen else {
-        return Ok(None);
+    let levels = basis.logs.noise_levels();
+    let place = (squares.cutoff, basis.rate());
+    let bounded = match trial(robust, &basis.logs, &levels, place, None) {
+        Err(error) if is_undetermined(&error) => return Ok(None),
+        found => found?,
     };
-    let Some(trial) = search.trials.get(place) else {
-        return Ok(None);
+    // the weights of both are other ones: errors are those of the efforts in the units of squares
+    let own = |own: &Trial| {
+        let errors = all_errors(&[squares, own], 0);
+        errors.get(1).map_or(f64::INFINITY, |own| own.variance + BIAS_WEIGHT * own.bias)
     };
-    let efforts = mean_square(&trial.factor);
+    let (with_squares, with_bound) = (own(squares), own(&bounded));
+    if !(with_squares + with_bound).is_finite() {
+        return Ok(None);
+    }
+    let efforts = mean_square(&squares.factor);
     let percent = |square: f64| 100.0 * (square / efforts).sqrt();
-    let finite = search
-        .trials
-        .iter()
-        .zip(&search.errors)
-        .filter(|(_, own)| own.sum().is_finite());
-    let candidates = finite.map(|(trial, own)| Candidate {
-        cutoff: trial.cutoff,
-        deviation: percent(own.variance),
-        bias: percent(own.bias),
-        apart: percent(own.apart),
-    });
-    let steps = logs.durations();
-    let rate = (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min);
-    Ok(Some(Choice {
-        order: ORDER,
-        cutoff,
-        decimation: whole(rate / (EQUATION_RATE * cutoff)),
-        resample,
-        velocities,
-        candidates: candidates.collect(),
+    Ok(Some(LossChoice {
+        huber: (with_bound < ROBUST_BELOW * with_squares).then_some(HUBER_BOUND),
+        squares: percent(with_squares),
+        bounded: percent(with_bound),
     }))
 }
 
@@ -482,6 +658,11 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         values: pairs.map(|(x, bias)| x - bias).collect(),
         bias,
         residuals: found.estimate.efforts.iter().map(|own| own.sigma).collect(),
+        largest: (found.errors.iter().zip(&found.estimate.efforts))
+            .map(|(own, fit)| own.largest / fit.sigma)
+            .fold(0.0, f64::max),
+        is_late: (found.delays.efforts.iter().chain(&found.delays.common))
+            .any(Delay::is_significant),
         is_scarce,
         covariance: found.deviations.within_runs().to_vec(),
         factor: found.factor,
@@ -637,6 +818,8 @@ mod tests {
             signal: factor.r().to_vec(),
             factor,
             residuals: vec![residual],
+            largest: 1.0,
+            is_late: false,
             is_scarce: false,
         }
     }

@@ -123,6 +123,10 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     if session.reading.are_delays_found {
         add_delay_error(&session.reading.delays, &mut identified);
     }
+    let late = identified.delays.left_change.clone();
+    if !late.is_empty() {
+        add_change(&late, &mut identified);
+    }
     let motion = add_motion_noise(session, logs, &mut identified)?;
     let noise_note = match motion {
         Some((_, is_mentioned)) if is_mentioned => MOTION_NOISE,
@@ -140,6 +144,11 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     };
     let mut start = LeastSquaresStart::of_identified(identified, session.confidence, method);
     start.intervals.bias = motion.map(|(bias, _)| bias).unwrap_or_default();
+    let columns = start.intervals.bias.len().max(late.len());
+    start.intervals.bias.resize(columns, 0.0);
+    for (bias, change) in start.intervals.bias.iter_mut().zip(&late) {
+        *bias = bias.hypot(*change);
+    }
     Ok(LeastSquaresStart {
         kind: kind.name(),
         equations,
@@ -163,10 +172,15 @@ fn add_delay_error(delays: &[(String, f64)], identified: &mut Identified) {
         found.changes.clone()
     };
     for change in &changes {
-        identified.deviations = identified.deviations.with_change(change);
-        let blocks = identified.blocks.clone();
-        identified.blocks = blocks.with_change(&identified.factor, change);
+        add_change(change, identified);
     }
+}
+
+/// Adds what something moves, whose size is known and whose sign is not, to the deviations.
+fn add_change(change: &[f64], identified: &mut Identified) {
+    identified.deviations = identified.deviations.with_change(change);
+    let blocks = identified.blocks.clone();
+    identified.blocks = blocks.with_change(&identified.factor, change);
 }
 
 /// Corrects the parameters for what noise of the measured motion biases, and adds the size of the

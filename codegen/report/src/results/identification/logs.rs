@@ -129,6 +129,19 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
             ),
         ));
     }
+    if let Some(own) = choice.loss {
+        let (squares, bounded) = (share(own.squares), share(own.bounded));
+        let used = own.huber.map_or_else(
+            || "squares".to_owned(),
+            |bound| format!("--huber {bound}, residuals have heavy tails"),
+        );
+        out.push_str(&field(
+            "loss",
+            &format!(
+                "{used}: squares leave an error of {squares} % of the efforts, Huber's loss {bounded} %"
+            ),
+        ));
+    }
     out
 }
 
