@@ -8,7 +8,9 @@ use regen_codegen::robot::Robot;
 use crate::args::{IdentifyArgs, ReportArgs};
 use crate::exit::Failure;
 use crate::suspect::OtherSpecs;
-use crate::{choice, delay, experiment, load, loads, observe, parameters, suspect, terminal, write};
+use crate::{
+    choice, delay, experiment, load, loads, observe, parameters, suspect, terminal, write,
+};
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;

@@ -98,10 +98,142 @@ fn without_an_option_noisy_positions_give_what_exact_ones_give() {
     // the same motion and efforts with exact positions
     let truth = simulated("choice_exact", "0,0");
     let exact = identified(&truth, &["--butterworth", "4,40"]);
-    let pairs = rows(&found).into_iter().zip(rows(&exact));
-    let inside = pairs.filter(|((_, low, high, _), (value, ..))| (low..=high).contains(&value));
-    let (inside, all) = (inside.count(), rows(&exact).len());
+    let (inside, all) = (inside(&found, &exact), rows(&exact).len());
     assert!(10 * inside >= 9 * all, "{inside} of {all}");
+}
+
+/// Rewrites the efforts of the log in a folder: the row that each comes from, and what is added to it.
+fn with_efforts(dir: &Path, late: usize, error: impl Fn(usize) -> f64) {
+    let text = fs::read_to_string(dir.join("log.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let mut out = rows[0].join(",") + "\n";
+    for row in 1 + late..rows.len() {
+        let cells = rows[0].iter().enumerate().map(|(k, title)| {
+            if !title.starts_with("tau_") {
+                return rows[row][k].to_owned();
+            }
+            let effort: f64 = rows[row - late][k].parse().unwrap();
+            (effort + error(row)).to_string()
+        });
+        out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+    }
+    fs::write(dir.join("log.csv"), out).unwrap();
+}
+
+/// How many intervals of a result hold the values of another one, which were found from exact rows.
+fn inside(found: &Value, exact: &Value) -> usize {
+    let pairs = rows(found).into_iter().zip(rows(exact));
+    let inside = pairs.filter(|((_, low, high, _), (value, ..))| (low..=high).contains(&value));
+    inside.count()
+}
+
+#[test]
+fn efforts_that_are_late_are_corrected_without_an_option_and_a_pinned_filter_makes_values_biased() {
+    let truth = simulated("choice_late_exact", "0,0");
+    let exact = identified(&truth, &["--butterworth", "4,40"]);
+    let all = rows(&exact).len();
+    let dir = simulated("choice_late", "1e-5,0.02");
+    with_efforts(&dir, 3, |_| 0.0);
+    let found = identified(&dir, &["--out", "p.json"]);
+    let delays = found["filter"]["delays"].as_array().unwrap();
+    assert_eq!(delays.len(), 2, "{found}");
+    for delay in delays {
+        let seconds = delay[1].as_f64().unwrap();
+        assert!((seconds - 0.006).abs() < 5e-4, "{delay}");
+    }
+    assert!(10 * inside(&found, &exact) >= 9 * all, "{found}");
+    // predictions correct them too, also behind another filter
+    let spec = spec();
+    let error = |more: &[&str]| {
+        let words = ["validate", &spec, "p.json", "log.csv", "--format", "json"];
+        let found = regen(&dir, &[&words, more].concat()).ended(0).json();
+        found["models"][0]["logs"][0]["relative_rms"]
+            .as_f64()
+            .unwrap()
+    };
+    let other = ["--butterworth", "4,12"];
+    assert!(error(&[]) < 2.0);
+    let late = [&other[..], &["--delay", "q1=0", "--delay", "q3=0"]].concat();
+    assert!(2.0 * error(&other) < error(&late));
+
+    // an option pins that there is none
+    let pinned = ["--delay", "q1=0", "--delay", "q3=0"];
+    assert!(identified(&dir, &pinned)["filter"]["delays"].is_null());
+    // with a pinned filter no value that the delay moves far is called well
+    let kept = identified(&dir, &["--butterworth", "4,12"]);
+    let pairs = rows(&kept).into_iter().zip(rows(&exact));
+    let mut biased = 0;
+    for ((value, low, high, status), (actual, ..)) in pairs {
+        biased += usize::from(status == "biased");
+        let sigma = (high - low) / 4.0;
+        assert!(
+            status != "well" || (value - actual).abs() < 4.0 * sigma,
+            "{value} {actual} {sigma}"
+        );
+    }
+    assert!(biased > 0, "{kept}");
+    assert_eq!(kept["bias_remedy"]["options"], "--delay auto");
+}
+
+#[test]
+fn single_rows_in_which_efforts_jump_count_as_missing_unless_a_file_keeps_them() {
+    let truth = simulated("choice_jumps_exact", "0,0");
+    let exact = identified(&truth, &["--butterworth", "4,40"]);
+    let dir = simulated("choice_jumps", "1e-5,0.02");
+    // two rows of a hundred are off by far more than the largest effort
+    with_efforts(&dir, 0, |row| match row * 7919 % 100 {
+        3 => 20.0,
+        61 => -20.0,
+        _ => 0.0,
+    });
+    let spec = spec();
+    let ended = regen(&dir, &["identify", &spec, "log.csv", "--format", "json"]).ended(0);
+    let found = ended.json();
+    let says = "efforts jump and are back in the next row: column `tau_q1` by up to 20.";
+    assert!(ended.err.contains(says), "{}", ended.err);
+    assert_eq!(found["files"][0]["gaps"]["bridged"], 100);
+    let all = rows(&exact).len();
+    assert!(10 * inside(&found, &exact) >= 9 * all, "{found}");
+    let text = "checks: {outliers: keep}\nruns: [{files: [log.csv]}]\n";
+    fs::write(dir.join("keep.yaml"), text).unwrap();
+    let words = [
+        "identify",
+        &spec,
+        "keep.yaml",
+        "--format",
+        "json",
+        "--no-suspicion",
+    ];
+    let kept = regen(&dir, &words).ended(0).json();
+    let error = |found: &Value| found["relative_absolute"].as_f64().unwrap();
+    assert!(error(&found) < 0.3 * error(&kept), "{found} {kept}");
+}
+
+#[test]
+fn efforts_with_outliers_of_several_rows_are_fitted_with_a_bounded_loss() {
+    let truth = simulated("choice_outliers_exact", "0,0");
+    let exact = identified(&truth, &["--butterworth", "4,40"]);
+    let dir = simulated("choice_outliers", "1e-5,0.02");
+    // a controller that is disturbed for 40 ms twice a second
+    with_efforts(&dir, 0, |row| match row % 250 {
+        0..20 => [0.3, -0.4][row / 250 % 2],
+        _ => 0.0,
+    });
+    let found = identified(&dir, &["--no-suspicion"]);
+    assert_eq!(found["filter"]["loss"]["huber"], 1.345, "{found}");
+    // better than squares, which an option pins
+    let squares = identified(&dir, &["--estimator", "ls", "--no-suspicion"]);
+    assert!(squares["filter"]["loss"].is_null());
+    let error = |found: &Value| -> f64 {
+        let pairs = rows(found).into_iter().zip(rows(&exact));
+        pairs
+            .map(|((value, ..), (actual, ..))| (value - actual).powi(2))
+            .sum()
+    };
+    assert!(error(&found) < 0.5 * error(&squares), "{found} {squares}");
+    // a clean log keeps squares
+    let clean = simulated("choice_no_outliers", "1e-5,0.02");
+    assert!(identified(&clean, &[])["filter"]["loss"]["huber"].is_null());
 }
 
 #[test]

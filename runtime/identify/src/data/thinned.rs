@@ -160,9 +160,10 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             && self.files.iter().any(|log| !log.file.layout.derivatives)
     }
 
-    /// Whether gaps or rows that are left out divide a log.
-    pub(crate) fn is_divided(&self) -> bool {
-        self.files.iter().any(|log| log.divided)
+    /// Whether gaps or rows that are left out divide a log, or efforts have spikes: a filter would bridge them.
+    pub(crate) fn has_gaps(&self) -> bool {
+        let mut files = self.files.iter();
+        files.any(|log| log.divided || !log.survey.spikes.is_empty())
     }
 
     fn with_files(&self, files: Vec<Log>) -> Self {

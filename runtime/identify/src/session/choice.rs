@@ -25,7 +25,7 @@ use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
 use crate::friction::{nonlinear_joints, with_linear_friction};
-use crate::identify::{self, Delay, EquationKind, Options};
+use crate::identify::{self, EquationKind, Options};
 use crate::signals::{Method, SignalError};
 
 /// The order of the filters that are tried.
@@ -63,9 +63,12 @@ const ROBUST_BELOW: f64 = 0.7;
 /// The bound of Huber's loss, in standard deviations: with normal residuals it loses 5 % of the efficiency
 /// (Huber, 1964).
 pub const HUBER_BOUND: f64 = 1.345;
-/// Huber's loss is tried where a residual is as many standard deviations large: the largest of a million normal
-/// ones is five.
-const HEAVY: f64 = 5.0;
+/// Delays of less than this part of the time between rows are not corrected: errors of the derivatives look
+/// like them.
+const MIN_DELAY_ROWS: f64 = 0.02;
+/// Huber's loss is tried where a residual is as many standard deviations large: the largest of ten thousand
+/// normal ones is.
+const HEAVY: f64 = 4.0;
 /// A filter that leaves more than this many times the residuals that a filter of a higher cutoff leaves bends
 /// the motion: of the same errors it would leave less.
 const BENT: f64 = 1.5;
@@ -417,7 +420,9 @@ fn loss_choice<M: BaseModel<f64> + ?Sized>(
     // the weights of both are other ones: errors are those of the efforts in the units of squares
     let own = |own: &Trial| {
         let errors = all_errors(&[squares, own], 0);
-        errors.get(1).map_or(f64::INFINITY, |own| own.variance + BIAS_WEIGHT * own.bias)
+        errors
+            .get(1)
+            .map_or(f64::INFINITY, |own| own.variance + BIAS_WEIGHT * own.bias)
     };
     let (with_squares, with_bound) = (own(squares), own(&bounded));
     if !(with_squares + with_bound).is_finite() {
@@ -477,7 +482,7 @@ fn velocity_choice<M: BaseModel<f64> + ?Sized>(
     Ok(best)
 }
 
-/// Opens logs as they are or, where gaps divide them or prevent that, as a filter would bridge them, on an
+/// Opens logs as they are or, where gaps divide them or prevent that or efforts have spikes, as a filter would bridge them, on an
 /// even grid if need be; returns them with the rate of the grid, Hz.
 fn opened<'m, M: BaseModel<f64> + ?Sized>(
     model: &'m M,
@@ -485,11 +490,11 @@ fn opened<'m, M: BaseModel<f64> + ?Sized>(
     reading: &Settings,
 ) -> Result<(Logs<'m, M>, Option<f64>), DataError> {
     let plain = Logs::open(model, runs, reading);
-    let is_divided = match &plain {
-        Ok(logs) => logs.is_divided(),
+    let has_gaps = match &plain {
+        Ok(logs) => logs.has_gaps(),
         Err(error) => matches!(error, DataError::Problems { .. }),
     };
-    if !is_divided {
+    if !has_gaps {
         return Ok((plain?, None));
     }
     let bridged = Settings {
@@ -662,7 +667,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
             .map(|(own, fit)| own.largest / fit.sigma)
             .fold(0.0, f64::max),
         is_late: (found.delays.efforts.iter().chain(&found.delays.common))
-            .any(Delay::is_significant),
+            .any(|own| own.is_significant() && own.seconds.abs() * rate > MIN_DELAY_ROWS),
         is_scarce,
         covariance: found.deviations.within_runs().to_vec(),
         factor: found.factor,

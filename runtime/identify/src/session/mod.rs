@@ -24,9 +24,7 @@ use regen_runtime::BaseModel;
 use crate::data::{DataError, Logs, Run, Settings};
 use crate::identify::{EquationKind, Options};
 
-pub use choice::{
-    Candidate, Choice, HUBER_BOUND, LossChoice, OpenChoices, VelocityChoice, chosen,
-};
+pub use choice::{Candidate, Choice, HUBER_BOUND, LossChoice, OpenChoices, VelocityChoice, chosen};
 pub use compare::{LogError, compare, residuals_of};
 pub use cross::{CrossValidation, cross};
 pub use delays::{identified, settled_delays, settled_delays_within};
