@@ -1,6 +1,6 @@
-//! Chooses how the positions of logs are differentiated, where no one says how.
+//! Chooses how logs are read and solved, where no one says how.
 //!
-//! The choice is the cutoff of a low-pass filter. Below it least squares loses what the efforts tell,
+//! The first choice is the cutoff of a low-pass filter. Below it least squares loses what the efforts tell,
 //! above it noise of the positions biases the parameters and disturbs the equations. Each cutoff of a
 //! geometric grid is tried on the log itself, at a rate that suits it: the covariance of its estimate
 //! is what noise leaves unknown, and simulation and extrapolation give the bias (errors in variables).
@@ -13,6 +13,9 @@
 //! then falls as slowly as the noise of accelerations grows beside that of the efforts, which is nearly
 //! what generalised least squares would do. On simulated logs it is more accurate at its best cutoff
 //! than the fourth order at its own, and depends less on the cutoff.
+//!
+//! With the filter, measured velocities and Huber's loss are compared with computed ones and squares by the same
+//! errors, and delays of the efforts that are beyond chance are corrected.
 
 use std::borrow::Borrow;
 
@@ -25,7 +28,7 @@ use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
 use crate::friction::{nonlinear_joints, with_linear_friction};
-use crate::identify::{self, EquationKind, Options};
+use crate::identify::{self, EquationKind, Identified, Options};
 use crate::signals::{Method, SignalError};
 
 /// The order of the filters that are tried.
@@ -74,6 +77,9 @@ const HEAVY: f64 = 4.0;
 const BENT: f64 = 1.5;
 /// So many cutoffs in a row that are not better than the best one end the search.
 const PATIENCE: usize = 4;
+/// A higher cutoff with so many times the mean square error of the best one ends it too: noise of the motion
+/// only grows, and its weight in the mean is small.
+const HOPELESS: f64 = 10.0;
 
 /// A cutoff that was tried.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -208,8 +214,6 @@ struct Trial {
     residuals: Vec<f64>,
     /// The largest residual of all efforts, in standard deviations.
     largest: f64,
-    /// Whether an effort, or all, have a delay beyond chance.
-    is_late: bool,
     /// Whether an effort has less than three equations for two of the parameters in them: it is fitted with its
     /// noise, which then seems smaller than it is.
     is_scarce: bool,
@@ -276,7 +280,7 @@ fn found<M: BaseModel<f64> + ?Sized>(
         return Ok(None);
     };
     choice.velocities = velocities;
-    if open.delays && reading.delays.is_empty() && basis.trial().is_some_and(|own| own.is_late) {
+    if open.delays && reading.delays.is_empty() && has_delays(session, &basis)? {
         let filtered = session.with_reading(choice.applied(&session.reading));
         let delays = settled_delays(&filtered, runs)?;
         // late efforts disturb the choice of a cutoff, which is made again without their delays
@@ -581,7 +585,10 @@ fn search<M: BaseModel<f64> + ?Sized>(
             errors = all_errors(&trials, best);
             best = lowest(&errors);
         }
-        if trials.len() > best + PATIENCE {
+        let sum = |k: usize| errors.get(k).map_or(f64::INFINITY, |own: &Errors| own.sum());
+        let last = sum(trials.len() - 1);
+        let is_hopeless = last.is_finite() && last > HOPELESS * sum(best);
+        if trials.len() > best + PATIENCE || is_hopeless && trials.len() > best + 1 {
             break;
         }
     }
@@ -622,17 +629,8 @@ fn trial<M: BaseModel<f64> + ?Sized>(
     let [every, decimation] = rates(rate, cutoff);
     let thinned = logs.thinned(method, every, decimation)?;
     let mut noisy = NoisyLogs::new(&thinned, levels, cutoff);
-    let options = Options {
-        lags: 1,
-        ..session.options
-    };
-    // friction that is not among the base parameters is linear here
     let is_linear = nonlinear_joints(session.model).is_empty();
-    let found = if is_linear {
-        identify::identify(session.model, session.kind, &options, &mut noisy)?
-    } else {
-        with_linear_friction(session.model, &options, &mut noisy)?
-    };
+    let found = fitted(session, &mut noisy, false)?;
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
     let mut efforts = found.estimate.efforts.iter().zip(&found.contained);
     let is_scarce = efforts.any(|(effort, parameters)| 2 * effort.rows < 3 * parameters);
@@ -647,7 +645,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         lower.bias.iter().map(grown).collect()
     } else {
         // Huber's weights are of the equations, those of the bias of the efforts alone
-        let without = options.huber.is_none().then_some(&found.factor);
+        let without = (session.options.huber.is_none()).then_some(&found.factor);
         let found = noisy.bias(without, found.deviations.within_runs(), |logs| {
             weighted(session, &weights, !is_linear, logs)
         });
@@ -666,13 +664,50 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         largest: (found.errors.iter().zip(&found.estimate.efforts))
             .map(|(own, fit)| own.largest / fit.sigma)
             .fold(0.0, f64::max),
-        is_late: (found.delays.efforts.iter().chain(&found.delays.common))
-            .any(|own| own.is_significant() && own.seconds.abs() * rate > MIN_DELAY_ROWS),
         is_scarce,
         covariance: found.deviations.within_runs().to_vec(),
         factor: found.factor,
         signal,
     })
+}
+
+/// Least squares of the rows of logs; friction that is not among the base parameters is linear.
+fn fitted<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    noisy: &mut NoisyLogs<'_, M>,
+    finds_delays: bool,
+) -> Result<Identified, DataError> {
+    let options = Options {
+        lags: 1,
+        finds_delays,
+        ..session.options
+    };
+    if nonlinear_joints(session.model).is_empty() {
+        identify::identify(session.model, session.kind, &options, noisy)
+    } else {
+        with_linear_friction(session.model, &options, noisy)
+    }
+}
+
+/// Whether an effort, or all together, have a delay beyond chance with the chosen filter.
+fn has_delays<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    basis: &Basis<'_, M>,
+) -> Result<bool, DataError> {
+    let Some(chosen) = basis.trial() else {
+        return Ok(false);
+    };
+    let (cutoff, rate) = (chosen.cutoff, basis.rate());
+    let method = Method::Butterworth {
+        order: ORDER,
+        cutoff,
+    };
+    let [every, decimation] = rates(rate, cutoff);
+    let thinned = basis.logs.thinned(method, every, decimation)?;
+    let levels = basis.logs.noise_levels();
+    let found = fitted(session, &mut NoisyLogs::new(&thinned, &levels, cutoff), true)?;
+    let mut delays = found.delays.efforts.iter().chain(&found.delays.common);
+    Ok(delays.any(|own| own.is_significant() && own.seconds.abs() * rate > MIN_DELAY_ROWS))
 }
 
 /// The errors of all trials along the motion of the best one.
@@ -824,7 +859,6 @@ mod tests {
             factor,
             residuals: vec![residual],
             largest: 1.0,
-            is_late: false,
             is_scarce: false,
         }
     }
