@@ -457,8 +457,8 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let means = plain.means();
     let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
-    let mut delays =
-        (with_delays && options.finds_delays).then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
+    let mut delays = (with_delays && options.finds_delays)
+        .then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
     let (errors, noise) = noise_of(replay, options, &estimate, &means, delays.as_mut())?;
     let efforts = errors.efforts();
     // the equations with the weights of the efforts, but without Huber's

@@ -585,7 +585,11 @@ fn search<M: BaseModel<f64> + ?Sized>(
             errors = all_errors(&trials, best);
             best = lowest(&errors);
         }
-        let sum = |k: usize| errors.get(k).map_or(f64::INFINITY, |own: &Errors| own.sum());
+        let sum = |k: usize| {
+            errors
+                .get(k)
+                .map_or(f64::INFINITY, |own: &Errors| own.sum())
+        };
         let last = sum(trials.len() - 1);
         let is_hopeless = last.is_finite() && last > HOPELESS * sum(best);
         if trials.len() > best + PATIENCE || is_hopeless && trials.len() > best + 1 {
@@ -705,7 +709,11 @@ fn has_delays<M: BaseModel<f64> + ?Sized>(
     let [every, decimation] = rates(rate, cutoff);
     let thinned = basis.logs.thinned(method, every, decimation)?;
     let levels = basis.logs.noise_levels();
-    let found = fitted(session, &mut NoisyLogs::new(&thinned, &levels, cutoff), true)?;
+    let found = fitted(
+        session,
+        &mut NoisyLogs::new(&thinned, &levels, cutoff),
+        true,
+    )?;
     let mut delays = found.delays.efforts.iter().chain(&found.delays.common);
     Ok(delays.any(|own| own.is_significant() && own.seconds.abs() * rate > MIN_DELAY_ROWS))
 }
