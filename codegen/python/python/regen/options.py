@@ -294,7 +294,7 @@ class IdentifyOptions(TypedDict, total=False):
     python: Value | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
-    #: Eliminate base parameters until the rest is well identified (sigma below 15 %) and physically feasible; every step is printed
+    #: Eliminate base parameters that are zero within their errors, as long as the fit gets no worse than chance explains, and make the rest physically feasible; every step is printed
     reduce: bool
     #: The trajectory that the controllers followed, as `regen excite` writes it; instruments, or the motion of `didim`, are simulated along it
     reference: Value | None
