@@ -6,6 +6,7 @@ use regen_identify::IdentifiedModel;
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::session::{Choice, OpenChoices, Session, chosen, from_logs};
+use regen_identify::signals::Method;
 use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{BiasRemedy, Identification};
@@ -66,8 +67,10 @@ pub(crate) fn repeat_or_make(
         return made(reading, &session, logs, open);
     };
     if is_open(reading) {
-        pin(choice, reading);
-        return Ok(Some(choice.clone()));
+        // these logs may have another motion
+        let choice = choice.without_series();
+        pin(&choice, reading);
+        return Ok(Some(choice));
     }
     // the drives are as late behind any filter
     pin_delays(choice, reading);
@@ -99,9 +102,15 @@ pub(crate) fn made_without_loads(
 /// Sets the options of reading that pin a choice; a decimation, an even grid or delays that are given stay.
 pub(crate) fn pin(choice: &Choice, reading: &mut ReadingArgs) {
     let settings = observe::settings(reading);
-    reading.butterworth = Some((choice.cutoff, choice.order));
+    match choice.method() {
+        Method::Fourier {
+            frequency,
+            harmonics,
+        } => reading.fourier = Some((frequency, harmonics)),
+        _ => reading.butterworth = Some((choice.cutoff, choice.order)),
+    }
     if settings.decimation == 1 {
-        reading.decimate = Some(choice.decimation);
+        reading.decimate = Some(choice.equation_decimation());
     }
     reading.resample = settings.resample.or(choice.resample);
     if settings.measured_rates.is_none() && choice.velocities.is_some_and(|own| own.are_computed) {

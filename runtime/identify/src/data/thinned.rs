@@ -125,6 +125,21 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         self.with_files(files.collect())
     }
 
+    /// The times and the positions of each log in memory, s and rad or m; `None` where one is in pieces.
+    pub(crate) fn positions(&self) -> Option<Vec<(Vec<f64>, Vec<Vec<f64>>)>> {
+        let of_log = |log: &Log| {
+            let [rows] = log.kept.as_deref()? else {
+                return None;
+            };
+            let column = |entry: usize| -> Vec<f64> {
+                let values = rows.iter().filter_map(|row| row.values.get(entry).copied());
+                values.collect()
+            };
+            Some((column(0), log.file.layout.positions().map(column).collect()))
+        };
+        self.files.iter().map(of_log).collect()
+    }
+
     /// The noise levels of the columns of motion of each log, in the order of the rows' entries.
     pub(crate) fn noise_levels(&self) -> Vec<Vec<NoiseLevels>> {
         let of_log = |log: &Log| {

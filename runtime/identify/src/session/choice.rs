@@ -22,17 +22,18 @@ use std::borrow::Borrow;
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 
+use super::alternatives::{HUBER_BOUND, has_delays, loss_choice, series_choice, velocity_choice};
 use super::delays::settled_delays;
 use super::motion_noise::{NoisyLogs, is_undetermined, rates, size_of, weighted, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
 use crate::friction::{nonlinear_joints, with_linear_friction};
-use crate::identify::{self, EquationKind, Identified, Options};
+use crate::identify::{self, EquationKind, Identified, Options, Source};
 use crate::signals::{Method, SignalError};
 
 /// The order of the filters that are tried.
-const ORDER: usize = 2;
+pub(super) const ORDER: usize = 2;
 /// Cutoffs of the grid between 1 and 10 Hz; the others are these times powers of ten.
 const DECADE: [f64; 4] = [1.0, 1.8, 3.2, 5.6];
 /// The lowest cutoff has so many periods in the logs.
@@ -50,7 +51,7 @@ const EQUATION_RATE: f64 = 10.0;
 const MAX_ROWS: usize = 1 << 17;
 /// A bias counts as much as a variance if it is half as large as the deviation: an interval that is
 /// moved by more does not hold the truth as often as it says.
-const BIAS_WEIGHT: f64 = 4.0;
+pub(super) const BIAS_WEIGHT: f64 = 4.0;
 /// The square of a difference of two estimates is by chance at most this many times the sum of their
 /// variances.
 const CHANCE: f64 = 4.0;
@@ -58,20 +59,6 @@ const CHANCE: f64 = 4.0;
 const BETTER: f64 = 0.03;
 /// Cutoffs with at most this many times the smallest mean square error may be chosen.
 const AS_GOOD: f64 = 1.7;
-/// Velocities computed from the positions are taken in place of measured ones if their mean square error is
-/// below this part of that of the measured ones.
-const COMPUTED_BELOW: f64 = 0.7;
-/// Huber's loss takes the place of squares if its mean square error is below this part of theirs.
-const ROBUST_BELOW: f64 = 0.7;
-/// The bound of Huber's loss, in standard deviations: with normal residuals it loses 5 % of the efficiency
-/// (Huber, 1964).
-pub const HUBER_BOUND: f64 = 1.345;
-/// Delays of less than this part of the time between rows are not corrected: errors of the derivatives look
-/// like them.
-const MIN_DELAY_ROWS: f64 = 0.02;
-/// Huber's loss is tried where a residual is as many standard deviations large: the largest of ten thousand
-/// normal ones is.
-const HEAVY: f64 = 4.0;
 /// A filter that leaves more than this many times the residuals that a filter of a higher cutoff leaves bends
 /// the motion: of the same errors it would leave less.
 const BENT: f64 = 1.5;
@@ -108,6 +95,22 @@ pub struct VelocityChoice {
     pub measured: f64,
     /// The same with computed velocities.
     pub computed: f64,
+}
+
+/// The Fourier series of a motion that repeats itself beside the chosen filter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct SeriesChoice {
+    /// The frequency of the fundamental, Hz.
+    pub frequency: f64,
+    /// The number of harmonics.
+    pub harmonics: usize,
+    /// Whether the series is used in place of the filter.
+    pub is_used: bool,
+    /// What noise leaves unknown of the predicted efforts and biases with the filter, rms, percent of the efforts.
+    pub filtered: f64,
+    /// What noise leaves unknown of them with the series.
+    pub series: f64,
 }
 
 /// Huber's loss beside squares of the residuals, behind the same filter.
@@ -149,6 +152,9 @@ pub struct Choice {
     /// Which velocities are used, where some are measured and those computed determine the parameters too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocities: Option<VelocityChoice>,
+    /// Whether a Fourier series is used in place of the filter, where the motion repeats itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub series: Option<SeriesChoice>,
     /// The delays of efforts that are significant and corrected, s.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub delays: Vec<(String, f64)>,
@@ -167,7 +173,7 @@ impl Choice {
         Settings {
             method: self.method(),
             decimation: match settings.decimation {
-                1 => self.decimation,
+                1 => self.equation_decimation(),
                 given => given,
             },
             resample: settings.resample.or(self.resample),
@@ -191,44 +197,86 @@ impl Choice {
         self.loss.and_then(|own| own.huber)
     }
 
-    /// The filter of the equations.
+    /// The same with the filter, for logs of other motions than that of a series.
+    #[must_use]
+    pub fn without_series(&self) -> Self {
+        Self {
+            series: None,
+            ..self.clone()
+        }
+    }
+
+    /// How positions are differentiated: by the series if it is used, else by the filter.
     pub fn method(&self) -> Method {
-        Method::Butterworth {
-            order: self.order,
-            cutoff: self.cutoff,
+        match self.series {
+            Some(own) if own.is_used => Method::Fourier {
+                frequency: own.frequency,
+                harmonics: own.harmonics,
+            },
+            _ => Method::Butterworth {
+                order: self.order,
+                cutoff: self.cutoff,
+            },
+        }
+    }
+
+    /// One of so many equations is used: all of those of a series, which no filter correlates.
+    pub fn equation_decimation(&self) -> usize {
+        match self.method() {
+            Method::Fourier { .. } => 1,
+            _ => self.decimation,
         }
     }
 }
 
 /// The estimate with one cutoff.
-struct Trial {
-    cutoff: f64,
+pub(super) struct Trial {
+    pub(super) cutoff: f64,
     values: Vec<f64>,
     covariance: Vec<f64>,
     /// Independent changes of all values, see [`MotionBias`](super::motion_noise::MotionBias).
     bias: Vec<Vec<f64>>,
-    factor: QrFactor,
+    pub(super) factor: QrFactor,
     /// See [`MotionBias`](super::motion_noise::MotionBias).
     signal: Vec<f64>,
     /// The standard deviation of the residuals of each effort.
     residuals: Vec<f64>,
     /// The largest residual of all efforts, in standard deviations.
-    largest: f64,
+    pub(super) largest: f64,
     /// Whether an effort has less than three equations for two of the parameters in them: it is fitted with its
     /// noise, which then seems smaller than it is.
     is_scarce: bool,
 }
 
+impl Trial {
+    /// The estimate from a motion without noise.
+    ///
+    /// - `cutoff`: the one that it is compared with, Hz.
+    pub(super) fn of_exact_motion(found: Identified, cutoff: f64) -> Self {
+        Self {
+            cutoff,
+            bias: Vec::new(),
+            signal: found.factor.r().to_vec(),
+            covariance: found.deviations.within_runs().to_vec(),
+            residuals: Vec::new(),
+            largest: 0.0,
+            is_scarce: false,
+            values: found.estimate.values,
+            factor: found.factor,
+        }
+    }
+}
+
 /// The mean squares of the errors of the predicted efforts with one cutoff, in weighted units.
 #[derive(Clone, Copy, Default)]
-struct Errors {
-    variance: f64,
-    bias: f64,
-    apart: f64,
+pub(super) struct Errors {
+    pub(super) variance: f64,
+    pub(super) bias: f64,
+    pub(super) apart: f64,
 }
 
 impl Errors {
-    fn sum(self) -> f64 {
+    pub(super) fn sum(self) -> f64 {
         self.variance + BIAS_WEIGHT * self.bias + self.apart
     }
 }
@@ -322,12 +370,15 @@ fn found<M: BaseModel<f64> + ?Sized>(
         }
         choice.loss = loss;
     }
+    if !(choice.huber().is_some() || basis.logs.has_gaps() || choice.resample.is_some()) {
+        choice.series = series_choice(session, runs, &basis, &choice)?;
+    }
     Ok(Some(choice))
 }
 
 /// Logs in memory, and the cutoffs that were tried on them.
-struct Basis<'m, M: BaseModel<f64> + ?Sized> {
-    logs: Logs<'m, M>,
+pub(super) struct Basis<'m, M: BaseModel<f64> + ?Sized> {
+    pub(super) logs: Logs<'m, M>,
     /// See [`Choice::resample`].
     resample: Option<f64>,
     search: Search,
@@ -367,7 +418,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
     }
 
     /// The trial with the cutoff that is closest to the chosen one.
-    fn trial(&self) -> Option<&Trial> {
+    pub(super) fn trial(&self) -> Option<&Trial> {
         let (_, place) = self.search.chosen?;
         self.search.trials.get(place)
     }
@@ -391,6 +442,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
             decimation: whole(self.rate() / (EQUATION_RATE * cutoff)),
             resample: self.resample,
             velocities: None,
+            series: None,
             delays: Vec::new(),
             loss: None,
             candidates: candidates.collect(),
@@ -398,92 +450,10 @@ impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
     }
 
     /// The lowest rate of the rows of the logs, Hz.
-    fn rate(&self) -> f64 {
+    pub(super) fn rate(&self) -> f64 {
         let steps = self.logs.durations();
         (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min)
     }
-}
-
-/// Compares Huber's loss with squares of the residuals at the chosen cutoff; `None` where no residual is as
-/// large that it would be better.
-///
-/// - `robust`: the session with Huber's loss.
-fn loss_choice<M: BaseModel<f64> + ?Sized>(
-    robust: &Session<'_, M>,
-    basis: &Basis<'_, M>,
-) -> Result<Option<LossChoice>, DataError> {
-    let Some(squares) = basis.trial().filter(|own| own.largest > HEAVY) else {
-        return Ok(None);
-    };
-    let levels = basis.logs.noise_levels();
-    let place = (squares.cutoff, basis.rate());
-    let bounded = match trial(robust, &basis.logs, &levels, place, None) {
-        Err(error) if is_undetermined(&error) => return Ok(None),
-        found => found?,
-    };
-    // the weights of both are other ones: errors are those of the efforts in the units of squares
-    let own = |own: &Trial| {
-        let errors = all_errors(&[squares, own], 0);
-        errors
-            .get(1)
-            .map_or(f64::INFINITY, |own| own.variance + BIAS_WEIGHT * own.bias)
-    };
-    let (with_squares, with_bound) = (own(squares), own(&bounded));
-    if !(with_squares + with_bound).is_finite() {
-        return Ok(None);
-    }
-    let efforts = mean_square(&squares.factor);
-    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
-    Ok(Some(LossChoice {
-        huber: (with_bound < ROBUST_BELOW * with_squares).then_some(HUBER_BOUND),
-        squares: percent(with_squares),
-        bounded: percent(with_bound),
-    }))
-}
-
-/// Compares measured velocities with those computed from the positions, at the chosen cutoff and lower ones,
-/// as long as these are better: differences of positions have more noise at high frequencies; `None` where the computed ones do not determine the parameters.
-///
-/// - `without`: the logs without measured velocities.
-fn velocity_choice<M: BaseModel<f64> + ?Sized>(
-    session: &Session<'_, M>,
-    found: &Search,
-    without: &Logs<'_, M>,
-) -> Result<Option<VelocityChoice>, DataError> {
-    let Some(measured) = found.chosen.and_then(|(_, place)| found.trials.get(place)) else {
-        return Ok(None);
-    };
-    let efforts = mean_square(&measured.factor);
-    let (levels, rate) = (without.noise_levels(), rate_of(without));
-    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
-    let mut best: Option<VelocityChoice> = None;
-    let cutoffs = found.trials.iter().map(|own| own.cutoff);
-    let mut lower: Vec<f64> = cutoffs.filter(|own| *own <= measured.cutoff).collect();
-    lower.reverse();
-    for cutoff in lower {
-        let computed = match trial(session, without, &levels, (cutoff, rate), None) {
-            Ok(found) => found,
-            Err(error) if is_undetermined(&error) => continue,
-            Err(error) => return Err(error),
-        };
-        // positions belong to the geometry: where both differ, the measured velocities are wrong
-        let errors = all_errors(&[&computed, measured], 1);
-        let [computed, measured] =
-            [0, 1].map(|k| errors.get(k).map_or(f64::INFINITY, |own| own.sum()));
-        if !(computed + measured).is_finite() {
-            continue;
-        }
-        let own = VelocityChoice {
-            are_computed: computed < COMPUTED_BELOW * measured,
-            measured: percent(measured),
-            computed: percent(computed),
-        };
-        if best.is_some_and(|best| best.computed <= own.computed) {
-            break;
-        }
-        best = Some(own);
-    }
-    Ok(best)
 }
 
 /// Opens logs as they are or, where gaps divide them or prevent that or efforts have spikes, as a filter would bridge them, on an
@@ -544,18 +514,18 @@ fn is_uneven(error: &DataError) -> bool {
 }
 
 /// The lowest rate of the rows of logs, Hz, with three digits.
-fn rate_of<M: BaseModel<f64> + ?Sized>(logs: &Logs<'_, M>) -> f64 {
+pub(super) fn rate_of<M: BaseModel<f64> + ?Sized>(logs: &Logs<'_, M>) -> f64 {
     let steps = logs.durations();
     let rate = (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min);
     format!("{rate:.2e}").parse().unwrap_or(rate)
 }
 
 /// The cutoffs that were tried.
-struct Search {
-    trials: Vec<Trial>,
+pub(super) struct Search {
+    pub(super) trials: Vec<Trial>,
     errors: Vec<Errors>,
     /// The chosen cutoff, Hz, and the index of the closest trial; `None` if no trial succeeded.
-    chosen: Option<(f64, usize)>,
+    pub(super) chosen: Option<(f64, usize)>,
 }
 
 /// Tries cutoffs in rising order, until more of them are not better.
@@ -619,7 +589,7 @@ fn cutoffs(least: f64, most: f64) -> Vec<f64> {
 ///
 /// - `lower`: that of the next lower cutoff, whose bias is taken where noise of the motion is far too small
 ///   to matter with this one.
-fn trial<M: BaseModel<f64> + ?Sized>(
+pub(super) fn trial<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &Logs<'_, M>,
     levels: &[Vec<NoiseLevels>],
@@ -676,9 +646,9 @@ fn trial<M: BaseModel<f64> + ?Sized>(
 }
 
 /// Least squares of the rows of logs; friction that is not among the base parameters is linear.
-fn fitted<M: BaseModel<f64> + ?Sized>(
+pub(super) fn fitted<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    noisy: &mut NoisyLogs<'_, M>,
+    logs: &mut (impl Source<Error = DataError> + ?Sized),
     finds_delays: bool,
 ) -> Result<Identified, DataError> {
     let options = Options {
@@ -687,39 +657,14 @@ fn fitted<M: BaseModel<f64> + ?Sized>(
         ..session.options
     };
     if nonlinear_joints(session.model).is_empty() {
-        identify::identify(session.model, session.kind, &options, noisy)
+        identify::identify(session.model, session.kind, &options, logs)
     } else {
-        with_linear_friction(session.model, &options, noisy)
+        with_linear_friction(session.model, &options, logs)
     }
 }
 
-/// Whether an effort, or all together, have a delay beyond chance with the chosen filter.
-fn has_delays<M: BaseModel<f64> + ?Sized>(
-    session: &Session<'_, M>,
-    basis: &Basis<'_, M>,
-) -> Result<bool, DataError> {
-    let Some(chosen) = basis.trial() else {
-        return Ok(false);
-    };
-    let (cutoff, rate) = (chosen.cutoff, basis.rate());
-    let method = Method::Butterworth {
-        order: ORDER,
-        cutoff,
-    };
-    let [every, decimation] = rates(rate, cutoff);
-    let thinned = basis.logs.thinned(method, every, decimation)?;
-    let levels = basis.logs.noise_levels();
-    let found = fitted(
-        session,
-        &mut NoisyLogs::new(&thinned, &levels, cutoff),
-        true,
-    )?;
-    let mut delays = found.delays.efforts.iter().chain(&found.delays.common);
-    Ok(delays.any(|own| own.is_significant() && own.seconds.abs() * rate > MIN_DELAY_ROWS))
-}
-
 /// The errors of all trials along the motion of the best one.
-fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Errors> {
+pub(super) fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Errors> {
     let Some(own) = trials.get(best).map(T::borrow) else {
         return Vec::new();
     };
@@ -843,7 +788,7 @@ fn central(trials: &[Trial], errors: &[Errors]) -> Option<(f64, usize)> {
 }
 
 /// The mean square of the weighted efforts of a factor.
-fn mean_square(factor: &QrFactor) -> f64 {
+pub(super) fn mean_square(factor: &QrFactor) -> f64 {
     let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
     squares / factor.rows().max(1) as f64
 }

@@ -123,6 +123,9 @@ const MAX_HARMONICS: usize = 40;
 const ROWS_PER_COEFFICIENT: usize = 8;
 /// A harmonic belongs to a motion if its amplitude is above so many standard deviations.
 const MIN_AMPLITUDE: f64 = 4.5;
+/// The largest part of the variance of a signal that its series leaves: a motion that differs from period to
+/// period by more is another one.
+const MAX_LEFT_PART: f64 = 1e-4;
 /// The half width of the interval in which a frequency is sought, in cycles of the highest harmonic along the
 /// samples: within it the fit has one optimum.
 const BRACKET_CYCLES: f64 = 0.3;
@@ -212,6 +215,15 @@ pub(crate) fn fitting_series(groups: &[(Vec<f64>, Vec<Vec<f64>>)]) -> Option<(f6
     }
     let range = [frequency - width, frequency + width];
     frequency = lowest(range, LAST_STEPS, |f| misfit(f, harmonics))?;
+    for (times, signals) in &thinned {
+        let left = fitted(times, signals, frequency, harmonics)
+            .ok()?
+            .residual_squares();
+        let mut pairs = left.iter().zip(signals);
+        if pairs.any(|(left, own)| *left > MAX_LEFT_PART * variance(own) * own.len() as f64) {
+            return None;
+        }
+    }
     // decimals, as they are printed
     let rounded = format!("{frequency:.8e}").parse().unwrap_or(frequency);
     Some((rounded, harmonics))
