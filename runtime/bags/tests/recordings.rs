@@ -320,7 +320,8 @@ fn database(name: &str, statements: &str, change: impl Fn(&mut Vec<u8>)) -> Stri
 
 #[test]
 fn databases_without_end_are_refused() {
-    let endless = "CREATE VIEW messages AS WITH RECURSIVE c(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM c)
+    let endless =
+        "CREATE VIEW messages AS WITH RECURSIVE c(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM c)
         SELECT id, 1 AS topic_id, id AS timestamp, x'00' AS data FROM c;";
     let view = database("view.db3", endless, |_| ());
     assert!(

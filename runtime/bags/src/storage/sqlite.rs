@@ -96,7 +96,8 @@ fn lengths(path: &Path) -> std::io::Result<(Option<u64>, u64)> {
 /// Ends queries that take more steps than a file of `length` bytes can need, such as those of pages that
 /// lead to each other in a damaged one.
 fn bound_steps(database: &mut Connection, length: u64) -> rusqlite::Result<()> {
-    let most = length.saturating_mul(MAX_STEPS_PER_BYTE) / u64::from(STEPS_AT_A_TIME.unsigned_abs());
+    let most =
+        length.saturating_mul(MAX_STEPS_PER_BYTE) / u64::from(STEPS_AT_A_TIME.unsigned_abs());
     let mut left = most.saturating_add(MIN_TURNS);
     database.progress_handler(
         STEPS_AT_A_TIME,
