@@ -11,9 +11,9 @@ const MAX_DEPTH: usize = 300;
 const MAX_ATTRIBUTES: usize = 1000;
 /// Largest number of namespace declarations; the library copies those of the parents with each.
 const MAX_DECLARATIONS: usize = 10_000;
-/// Largest total length, in bytes, of namespace declarations that are added because the file lacks
-/// them.
-const MAX_DECLARATION_BYTES: usize = 10_000;
+/// Largest number of namespace declarations that are added because the file lacks them; the file is
+/// parsed again with each.
+const MAX_ADDED: usize = 20;
 /// Largest number of included files.
 const MAX_INCLUDED_FILES: usize = 100;
 
@@ -78,7 +78,7 @@ pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
             }
             // some tools do not declare their namespace prefixes, and robot readers accept this
             Err(roxmltree::Error::UnknownNamespace(prefix, _))
-                if added.length < MAX_DECLARATION_BYTES && !prefix.is_empty() =>
+                if added.count < MAX_ADDED && !prefix.is_empty() =>
             {
                 added.declare(&mut text, &prefix);
             }
@@ -98,6 +98,7 @@ pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
 struct AddedDeclarations {
     at: usize,
     length: usize,
+    count: usize,
 }
 
 impl AddedDeclarations {
@@ -105,6 +106,7 @@ impl AddedDeclarations {
         let declaration = format!(" xmlns:{prefix}=\"{prefix}\"");
         self.at = after_root_name(text);
         self.length += declaration.len();
+        self.count += 1;
         text.insert_str(self.at, &declaration);
     }
 
