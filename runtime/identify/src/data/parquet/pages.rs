@@ -121,7 +121,7 @@ impl Pages {
             }
             let bytes = self.bytes(body, count)?;
             if let Some(sum) = header.sum
-                && sum as u32 != crc32fast::hash(&bytes)
+                && sum.cast_unsigned() as u32 != crc32fast::hash(&bytes)
             {
                 let why = format!(
                     "the check sum of the page at byte {body} is another one: it was damaged"
