@@ -461,6 +461,11 @@ impl Compact<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use parquet::basic::ZstdLevel;
+    use parquet::schema::parser::parse_message_type;
+    use parquet::schema::types::SchemaDescriptor;
 
     use super::*;
 
@@ -480,6 +485,50 @@ mod tests {
         // a header that is cut anywhere is invalid
         for end in 0..14 {
             assert_eq!(Header::read(&bytes[..end]), None, "{end}");
+        }
+    }
+
+    /// The outcome for a file of one page of 100 bytes that claims `size` when decompressed.
+    fn claiming(size: u64, codec: Compression) -> Result<u64, String> {
+        let mut bytes = vec![0x15, 0x00, 0x15];
+        let mut rest = 2 * size;
+        while rest > 0x7f {
+            bytes.push(rest as u8 | 0x80);
+            rest >>= 7;
+        }
+        bytes.extend([
+            rest as u8, 0x15, 0xc8, 0x01, 0x2c, 0x15, 0x10, 0x15, 0, 0, 0,
+        ]);
+        bytes.extend([0; 100]);
+        let length = bytes.len() as u64;
+        let name = format!("regen-page-{}-{size}-{codec}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let schema = parse_message_type("message log { required double q; }").unwrap();
+        let schema = SchemaDescriptor::new(Arc::new(schema));
+        let chunk = ColumnChunkMetaData::builder(schema.column(0))
+            .set_compression(codec)
+            .set_total_compressed_size(length.cast_signed())
+            .set_data_page_offset(0)
+            .build()
+            .unwrap();
+        let pages = Pages::new(File::open(&path).unwrap(), length, &chunk);
+        std::fs::remove_file(&path).unwrap();
+        pages.and_then(Pages::values)
+    }
+
+    #[test]
+    fn a_page_that_claims_more_than_its_bytes_can_give_is_refused() {
+        let zstd = Compression::ZSTD(ZstdLevel::default());
+        for (size, codec, fits) in [
+            (3000, Compression::SNAPPY, true),
+            (5000, Compression::SNAPPY, false),
+            (1 << 24, zstd, true),
+            (1 << 25, zstd, false),
+            (1 << 40, Compression::LZ4_RAW, false),
+        ] {
+            let found = claiming(size, codec);
+            assert_eq!(found.is_ok(), fits, "{size} {codec}: {found:?}");
         }
     }
 
