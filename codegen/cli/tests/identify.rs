@@ -336,6 +336,9 @@ fn mistakes_in_logs_and_factors_are_reported() {
     assert!(part.err.contains("values are missing for"), "{}", part.err);
 }
 
+/// A change of a file, and what is then said.
+type Change = (fn(&mut Value), &'static str);
+
 #[test]
 fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_place() {
     let dir = scratch("identify-foreign");
@@ -346,7 +349,7 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
     let read = |name: &str| -> Value {
         serde_json::from_str(&fs::read_to_string(dir.join(name)).unwrap()).unwrap()
     };
-    let changes: [(fn(&mut Value), &str); 6] = [
+    let changes: [Change; 6] = [
         (
             |file| file["robot"] = "arm".into(),
             "robot: is `arm`, and the spec's robot is `cart`",
@@ -406,7 +409,7 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
         let refused = regen(&dir, &["validate", "cart.yaml", "q.json", "a.csv"]).ended(3);
         assert!(refused.err.contains(says), "{}", refused.err);
     }
-    let changes: [(fn(&mut Value), &str); 7] = [
+    let changes: [Change; 7] = [
         (
             |file| file["kind"] = "energy".into(),
             "`kind` is `energy` and has to be `forces` or `energy over 0.5 s`",
