@@ -357,7 +357,7 @@ fn factors(
         sets.push(set.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?);
     }
     let start = from_factors(session, sets).map_err(|error| match &error {
-        SessionError::Digest { place, .. } => {
+        SessionError::Digest { place, .. } | SessionError::Origin { place, .. } => {
             let path = args.from.get(*place).map(|p| p.display().to_string());
             Failure::Input(format!("{}: {error}", path.unwrap_or_default()))
         }

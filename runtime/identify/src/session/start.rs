@@ -260,7 +260,8 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
 /// Solves least squares from the QR factors of one or more logs.
 ///
 /// # Errors
-/// [`SessionError::Digest`] for factors of another model; when the factors do not determine the
+/// [`SessionError::Digest`] for factors of another model, [`SessionError::Origin`] for those that no
+/// observation of this one gives; when the factors do not determine the
 /// parameters.
 pub fn from_factors<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
@@ -276,6 +277,7 @@ pub fn from_factors<M: BaseModel<f64> + ?Sized>(
                 expected: expected_digest,
             });
         }
+        require_origin(session.model, place, set)?;
     }
     let set = FactorSet::merged(sets)?;
     let estimate = Estimate::new(&set, session.options.weighting)?;
@@ -286,6 +288,37 @@ pub fn from_factors<M: BaseModel<f64> + ?Sized>(
         set.combined(&weights)?,
         estimate,
     ))
+}
+
+/// Refuses factors whose robot, kind, efforts or labels are not those of the model's equations.
+fn require_origin<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    place: usize,
+    set: &FactorSet,
+) -> Result<(), SessionError> {
+    let kind = EquationKind::of_name(&set.kind);
+    let expected = EquationBuilder::new(model, kind.unwrap_or_default()).origin();
+    let kinds = "forces` or `energy over 0.5 s".to_owned();
+    let lists = |all: &[String]| all.join(", ");
+    let pairs = [
+        ("robot", set.robot.clone(), expected.robot),
+        (
+            "kind",
+            set.kind.clone(),
+            kind.map_or(kinds, EquationKind::name),
+        ),
+        ("efforts", lists(&set.efforts), lists(&expected.efforts)),
+        ("labels", lists(set.labels()), lists(&expected.labels)),
+    ];
+    match pairs.into_iter().find(|(_, found, own)| found != own) {
+        None => Ok(()),
+        Some((what, found, expected)) => Err(SessionError::Origin {
+            place,
+            what,
+            found,
+            expected,
+        }),
+    }
 }
 
 /// Builds a start whose intervals assume white residuals.
