@@ -236,6 +236,92 @@ fn efforts_with_outliers_of_several_rows_are_fitted_with_a_bounded_loss() {
     assert!(identified(&clean, &[])["filter"]["loss"]["huber"].is_null());
 }
 
+const SLIDER: &str = "\
+name: slider
+gravity: [0, 0, -9.81]
+limbs:
+  - name: a
+    joints: [{name: q, type: prismatic, axis: x, body: cart, actuated: true, friction: viscous}]
+bodies: {cart: {mass: 2.0, com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 1]}}
+";
+
+/// Writes a log of a cart of 2 kg with friction of 3 N s/m that repeats a motion of two harmonics, whose frequency
+/// grows by a part along the log.
+fn repeating(dir: &Path, growth: f64) {
+    let mut state = 1_u64;
+    let mut noise = || {
+        let mut sum = 0.0;
+        for _ in 0..12 {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            sum += (state >> 40) as f64 / (1_u64 << 24) as f64 - 0.5;
+        }
+        sum
+    };
+    let mut text = "t,q,tau_q\n".to_owned();
+    for k in 0..2000 {
+        let t = 0.01 * f64::from(k);
+        let start = std::f64::consts::TAU * 0.3137;
+        // the phase, its rate and the rate of that
+        let phase = start * t * (1.0 + growth * t);
+        let (rate, change) = (start * (1.0 + 2.0 * growth * t), 2.0 * growth * start);
+        let (sin, cos) = phase.sin_cos();
+        let (sin_3, cos_3) = (3.0 * phase).sin_cos();
+        let q = 0.2 * sin + 0.03 * cos_3;
+        let slope = 0.2 * cos - 0.09 * sin_3;
+        let v = rate * slope;
+        let a = change * slope - rate * rate * (0.2 * sin + 0.27 * cos_3);
+        let tau = 2.0 * a + 3.0 * v + 0.03 * noise();
+        text += &format!("{t},{},{tau}\n", q + 1e-4 * noise());
+    }
+    fs::write(dir.join("log.csv"), text).unwrap();
+}
+
+#[test]
+fn a_motion_that_repeats_itself_is_a_series_and_one_that_does_not_is_none() {
+    let dir = scratch("choice_series");
+    fs::write(dir.join("slider.yaml"), SLIDER).unwrap();
+    repeating(&dir, 0.0);
+    let found = |more: &[&str]| {
+        let words = [
+            &["identify", "slider.yaml", "log.csv", "--format", "json"],
+            more,
+        ]
+        .concat();
+        regen(&dir, &words).ended(0).json()
+    };
+    let own = found(&["--out", "p.json"]);
+    let series = &own["filter"]["series"];
+    assert_eq!(series["is_used"], true, "{own}");
+    assert_eq!(series["harmonics"], 3);
+    let frequency = series["frequency"].as_f64().unwrap();
+    assert!((frequency / 0.3137 - 1.0).abs() < 1e-4, "{series}");
+    for ((_, low, high, status), truth) in rows(&own).into_iter().zip([2.0, 3.0]) {
+        assert!(status == "well" && low < truth && truth < high, "{own}");
+    }
+    // the option repeats it, and predictions of other motions use the filter
+    let pinned = found(&["--fourier", &format!("{frequency},3")]);
+    assert_eq!(rows(&pinned), rows(&own));
+    let words = [
+        "validate",
+        "slider.yaml",
+        "p.json",
+        "log.csv",
+        "--format",
+        "json",
+    ];
+    let validated = regen(&dir, &words).ended(0).json();
+    assert!(validated["filter"]["series"].is_null(), "{validated}");
+
+    repeating(&dir, 0.002);
+    let other = found(&[]);
+    assert!(other["filter"]["series"].is_null(), "{other}");
+    for ((_, low, high, _), truth) in rows(&other).into_iter().zip([2.0, 3.0]) {
+        assert!(low < truth && truth < high, "{other}");
+    }
+}
+
 #[test]
 fn values_that_noise_moves_far_are_biased_and_not_well() {
     let dir = simulated("choice_biased", "1e-4,0.02");
