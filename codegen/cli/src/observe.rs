@@ -310,9 +310,12 @@ fn said_of_gaps(report: &FileReport) -> Option<String> {
         longest,
     } = report.bridged;
     let s = |count: usize| if count == 1 { "" } else { "s" };
-    let parts = |count: usize| match report.spikes.is_empty() {
-        true => format!("{count} gap{0} or dropout{0}", s(count)),
-        false => format!("{count} gap{0}, dropout{0} or jump{0} of efforts", s(count)),
+    let parts = |count: usize| {
+        if report.spikes.is_empty() {
+            format!("{count} gap{0} or dropout{0}", s(count))
+        } else {
+            format!("{count} gap{0}, dropout{0} or jump{0} of efforts", s(count))
+        }
     };
     let bridged = (count > 0).then(|| {
         let part = 100.0 * rows as f64 / (report.rows + rows) as f64;

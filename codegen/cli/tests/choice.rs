@@ -1,6 +1,7 @@
 //! The filter that is chosen where no option names one, as a user sees it.
 #![allow(clippy::unwrap_used)]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -273,7 +274,7 @@ fn repeating(dir: &Path, growth: f64) {
         let v = rate * slope;
         let a = change * slope - rate * rate * (0.2 * sin + 0.27 * cos_3);
         let tau = 2.0 * a + 3.0 * v + 0.03 * noise();
-        text += &format!("{t},{},{tau}\n", q + 1e-4 * noise());
+        writeln!(text, "{t},{},{tau}", q + 1e-4 * noise()).unwrap();
     }
     fs::write(dir.join("log.csv"), text).unwrap();
 }

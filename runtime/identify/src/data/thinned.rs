@@ -7,7 +7,7 @@ use super::problem::DataError;
 use super::reader::LogRow;
 use super::standstill::{Differences, Encoder};
 use crate::intervals::Random;
-use crate::signals::{Butterworth, Method, SignalError};
+use crate::signals::{Butterworth, Method, Sampled, SignalError};
 use regen_runtime::Model;
 
 /// The order of the filter before rows are left out.
@@ -126,7 +126,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
     }
 
     /// The times and the positions of each log in memory, s and rad or m; `None` where one is in pieces.
-    pub(crate) fn positions(&self) -> Option<Vec<(Vec<f64>, Vec<Vec<f64>>)>> {
+    pub(crate) fn positions(&self) -> Option<Vec<Sampled>> {
         let of_log = |log: &Log| {
             let [rows] = log.kept.as_deref()? else {
                 return None;
@@ -135,7 +135,10 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 let values = rows.iter().filter_map(|row| row.values.get(entry).copied());
                 values.collect()
             };
-            Some((column(0), log.file.layout.positions().map(column).collect()))
+            Some(Sampled {
+                times: column(0),
+                signals: log.file.layout.positions().map(column).collect(),
+            })
         };
         self.files.iter().map(of_log).collect()
     }

@@ -99,7 +99,7 @@ pub struct Delays {
     pub left_change: Vec<f64>,
     /// By how much a second of the delay of each effort moves the parameters, SI.
     #[serde(skip)]
-    slopes: Vec<Vec<f64>>,
+    pub slopes: Vec<Vec<f64>>,
 }
 
 impl Delays {

@@ -19,7 +19,7 @@ use core::ops::Range;
 pub use butterworth::Butterworth;
 pub use fourier::{Fourier, FourierFit};
 pub use repetition::Repetition;
-pub(crate) use repetition::fitting_series;
+pub(crate) use repetition::{Sampled, fitting_series};
 pub use smoothing::Smoothing;
 
 /// How positions are differentiated.

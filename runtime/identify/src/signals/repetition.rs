@@ -140,22 +140,32 @@ const SPARE_HARMONICS: usize = 6;
 /// The golden ratio less one.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// The frequency (Hz) and the number of harmonics of the Fourier series that fits all groups of signals; `None`
+/// Signals of one log.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sampled {
+    /// The times, evenly spaced, s.
+    pub(crate) times: Vec<f64>,
+    /// The values of each signal.
+    pub(crate) signals: Vec<Vec<f64>>,
+}
+
+/// The frequency (Hz) and the number of harmonics of the Fourier series that fits the signals of all logs; `None`
 /// if they do not repeat, or have more harmonics than can be told from noise.
-///
-/// - `groups`: of each log, the times in s, evenly spaced, and its signals.
-pub(crate) fn fitting_series(groups: &[(Vec<f64>, Vec<Vec<f64>>)]) -> Option<(f64, usize)> {
-    let thinned: Vec<(Vec<f64>, Vec<Vec<f64>>)> = groups
+pub(crate) fn fitting_series(logs: &[Sampled]) -> Option<(f64, usize)> {
+    let thinned: Vec<Sampled> = logs
         .iter()
-        .map(|(times, signals)| {
-            let every = times.len().div_ceil(FITTED_ROWS).max(1);
+        .map(|own| {
+            let every = own.times.len().div_ceil(FITTED_ROWS).max(1);
             let thin = |x: &Vec<f64>| -> Vec<f64> { x.iter().step_by(every).copied().collect() };
-            let moving = signals.iter().filter(|x| variance(x) > 0.0);
-            (thin(times), moving.map(thin).collect())
+            let moving = own.signals.iter().filter(|x| variance(x) > 0.0);
+            Sampled {
+                times: thin(&own.times),
+                signals: moving.map(thin).collect(),
+            }
         })
         .collect();
     let (mut frequency, mut longest, mut rows) = (0.0, 0.0_f64, usize::MAX);
-    for (times, signals) in groups {
+    for Sampled { times, signals } in logs {
         let moving = signals.iter().filter(|x| variance(x) > 0.0);
         let moving: Vec<&[f64]> = moving.map(Vec::as_slice).collect();
         let own = 1.0 / Repetition::of_signals(times, &moving)?.seconds;
@@ -169,7 +179,7 @@ pub(crate) fn fitting_series(groups: &[(Vec<f64>, Vec<Vec<f64>>)]) -> Option<(f6
     let most = MAX_HARMONICS.min(rows / ROWS_PER_COEFFICIENT / 2);
     let misfit = |frequency: f64, harmonics: usize| -> Option<f64> {
         let mut sum = 0.0;
-        for (times, signals) in &thinned {
+        for Sampled { times, signals } in &thinned {
             let fit = fitted(times, signals, frequency, harmonics).ok()?;
             for (own, signal) in fit.residual_squares().iter().zip(signals) {
                 let all = variance(signal) * signal.len() as f64;
@@ -180,7 +190,7 @@ pub(crate) fn fitting_series(groups: &[(Vec<f64>, Vec<Vec<f64>>)]) -> Option<(f6
     };
     let highest = |frequency: f64, harmonics: usize| -> Option<usize> {
         let mut highest = 0;
-        for (times, signals) in &thinned {
+        for Sampled { times, signals } in &thinned {
             let fit = fitted(times, signals, frequency, harmonics).ok()?;
             let count = times.len().checked_sub(1 + 2 * harmonics);
             let count = count.filter(|n| *n > 0)? as f64;
@@ -215,7 +225,7 @@ pub(crate) fn fitting_series(groups: &[(Vec<f64>, Vec<Vec<f64>>)]) -> Option<(f6
     }
     let range = [frequency - width, frequency + width];
     frequency = lowest(range, LAST_STEPS, |f| misfit(f, harmonics))?;
-    for (times, signals) in &thinned {
+    for Sampled { times, signals } in &thinned {
         let left = fitted(times, signals, frequency, harmonics)
             .ok()?
             .residual_squares();
@@ -274,7 +284,7 @@ mod tests {
 
     use super::*;
 
-    fn signals(step: f64, rows: usize, noise: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
+    fn sampled(step: f64, rows: usize, noise: f64) -> Sampled {
         let w = core::f64::consts::TAU * 0.213_456;
         let mut random = crate::intervals::Random(7);
         let times: Vec<f64> = (0..rows).map(|k| step * k as f64).collect();
@@ -286,13 +296,16 @@ mod tests {
         };
         let first = column(&|t| (w * t).sin() + 0.3 * (3.0 * w * t).cos());
         let second = column(&|t| 0.2 * (2.0 * w * t).cos() - 0.05 * (6.0 * w * t).sin());
-        (times, vec![first, second])
+        Sampled {
+            times,
+            signals: vec![first, second],
+        }
     }
 
     #[test]
     fn the_series_of_a_motion_has_its_frequency_and_its_harmonics() {
         for (rows, noise, error) in [(3000, 1e-4, 2e-6), (20_000, 1e-3, 1e-6), (3000, 0.0, 1e-7)] {
-            let (frequency, harmonics) = fitting_series(&[signals(0.01, rows, noise)]).unwrap();
+            let (frequency, harmonics) = fitting_series(&[sampled(0.01, rows, noise)]).unwrap();
             assert_eq!(harmonics, 6, "{rows} {noise}");
             assert!(
                 (frequency / 0.213_456 - 1.0).abs() < error,
@@ -300,20 +313,16 @@ mod tests {
             );
         }
         // two logs with the same period, and with another one
-        let (times, mut other) = signals(0.02, 2000, 1e-4);
-        let both = [signals(0.01, 3000, 1e-4), (times.clone(), other.clone())];
+        let mut other = sampled(0.02, 2000, 1e-4);
+        let both = [sampled(0.01, 3000, 1e-4), other.clone()];
         assert_eq!(fitting_series(&both).unwrap().1, 6);
-        let slower: Vec<f64> = times.iter().map(|t| 1.1 * t).collect();
-        assert_eq!(
-            fitting_series(&[signals(0.01, 3000, 1e-4), (slower, other.clone())]),
-            None
-        );
+        let mut slower = other.clone();
+        slower.times.iter_mut().for_each(|t| *t *= 1.1);
+        assert_eq!(fitting_series(&[sampled(0.01, 3000, 1e-4), slower]), None);
         // corners have harmonics without end
-        for signal in &mut other {
-            for x in signal.iter_mut() {
-                *x = x.signum();
-            }
+        for x in other.signals.iter_mut().flatten() {
+            *x = x.signum();
         }
-        assert_eq!(fitting_series(&[(times, other)]), None);
+        assert_eq!(fitting_series(&[other]), None);
     }
 }
