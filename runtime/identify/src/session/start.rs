@@ -157,7 +157,8 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Adds what the errors of delays that were found from the same logs move to the deviations.
+/// Adds to the deviations what the errors of delays that were found from the same logs move, and what is left of
+/// the delays: those that are no more than chance were not corrected, and may be as large.
 ///
 /// - `delays`: the ones that were found; a single value of all efforts has one cause.
 fn add_delay_error(delays: &[(String, f64)], identified: &mut Identified) {
@@ -166,11 +167,22 @@ fn add_delay_error(delays: &[(String, f64)], identified: &mut Identified) {
     let is_one = delays.len() == found.efforts.len()
         && delays.len() > 1
         && pairs.all(|own| matches!(own, [(_, a), (_, b)] if a.to_bits() == b.to_bits()));
-    let changes = if is_one {
+    let mut changes = if is_one {
         vec![found.common_change.clone()]
     } else {
         found.changes.clone()
     };
+    if !is_one {
+        let mut left = vec![0.0; identified.estimate.values.len()];
+        for (own, slopes) in found.efforts.iter().zip(&found.slopes) {
+            if !own.is_significant() {
+                for (sum, slope) in left.iter_mut().zip(slopes) {
+                    *sum += slope * own.seconds;
+                }
+            }
+        }
+        changes.push(left);
+    }
     for change in &changes {
         add_change(change, identified);
     }
