@@ -93,8 +93,8 @@ pub struct Delays {
     /// The same of the error of the common delay, where all efforts are as late.
     #[serde(skip)]
     pub common_change: Vec<f64>,
-    /// By how much the significant delays, which the equations still have, move the parameters, SI; empty
-    /// where there are none.
+    /// By how much the delays that the equations may still have move the parameters, SI; empty where there are
+    /// none.
     #[serde(skip)]
     pub left_change: Vec<f64>,
     /// By how much a second of the delay of each effort moves the parameters, SI.
@@ -109,11 +109,21 @@ impl Delays {
         all.any(Delay::may_be_more_than_chance)
     }
 
-    /// Finds by how much the significant delays move the parameters: those of efforts, and the common one of the
-    /// efforts that have no own.
+    /// Whether any delay is more than chance.
+    pub fn are_significant(&self) -> bool {
+        let mut all = self.efforts.iter().chain(&self.common);
+        all.any(Delay::is_significant)
+    }
+
+    /// Finds by how much the delays that are left move the parameters: the significant ones of efforts, and of
+    /// the efforts that have no own the common one, less what chance gives.
     pub(super) fn sum_up(&mut self) {
-        let common = self.common.iter().filter(|own| own.is_significant());
-        let common = common.map(|own| own.seconds).next().unwrap_or(0.0);
+        let beyond = |own: &Delay| {
+            let square = own.seconds * own.seconds - own.sigma * own.sigma;
+            square.max(0.0).sqrt().copysign(own.seconds)
+        };
+        let common = self.common.as_ref().filter(|own| own.slower.is_none());
+        let common = common.map_or(0.0, beyond);
         let mut change = Vec::new();
         for (own, slopes) in self.efforts.iter().zip(&self.slopes) {
             let seconds = if own.is_significant() {

@@ -9,6 +9,7 @@ use super::choice::{
 use super::motion_noise::{NoisyLogs, is_undetermined, rates};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, Run, Settings};
+use crate::identify::Delay;
 use crate::signals::{Method, SignalError, fitting_series};
 
 /// A Fourier series takes the place of a filter if its mean square error is below this part of the filter's: of a
@@ -111,13 +112,30 @@ pub(super) fn loss_choice<M: BaseModel<f64> + ?Sized>(
     }))
 }
 
-/// Whether an effort, or all together, have a delay beyond chance with the chosen filter.
-pub(super) fn has_delays<M: BaseModel<f64> + ?Sized>(
+/// Which efforts are late.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lateness {
+    /// None beyond chance.
+    None,
+    /// All by the same time as far as is known, and none by itself beyond chance.
+    Common,
+    /// Some by themselves.
+    Each,
+}
+
+/// A delay that all efforts share is corrected from so many standard deviations on: one cause delays the efforts
+/// of most machines, and what is left uncorrected moves friction by many deviations.
+const MIN_COMMON_DEVIATIONS: f64 = 2.5;
+/// An effort whose delay differs from that of all by more standard deviations has another cause.
+const MAX_APART_DEVIATIONS: f64 = 3.0;
+
+/// Which efforts have a delay with the chosen filter.
+pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     basis: &Basis<'_, M>,
-) -> Result<bool, DataError> {
+) -> Result<Lateness, DataError> {
     let Some(chosen) = basis.trial() else {
-        return Ok(false);
+        return Ok(Lateness::None);
     };
     let (cutoff, rate) = (chosen.cutoff, basis.rate());
     let method = Method::Butterworth {
@@ -132,8 +150,22 @@ pub(super) fn has_delays<M: BaseModel<f64> + ?Sized>(
         &mut NoisyLogs::new(&thinned, &levels, cutoff),
         true,
     )?;
-    let mut delays = found.delays.efforts.iter().chain(&found.delays.common);
-    Ok(delays.any(|own| own.is_significant() && own.seconds.abs() * rate > MIN_DELAY_ROWS))
+    let is_long = |own: &Delay| own.seconds.abs() * rate > MIN_DELAY_ROWS;
+    let (each, common) = (&found.delays.efforts, &found.delays.common);
+    if each.iter().any(|own| own.is_significant() && is_long(own)) {
+        return Ok(Lateness::Each);
+    }
+    let is_common = common.as_ref().is_some_and(|all| {
+        let agrees =
+            |own: &Delay| (own.seconds - all.seconds).abs() <= MAX_APART_DEVIATIONS * own.sigma;
+        let is_beyond = all.seconds.abs() > MIN_COMMON_DEVIATIONS * all.sigma;
+        is_beyond && all.slower.is_none() && is_long(all) && each.iter().all(agrees)
+    });
+    Ok(if is_common {
+        Lateness::Common
+    } else {
+        Lateness::None
+    })
 }
 
 /// Compares the Fourier series of a motion that repeats itself with the chosen filter; `None` where the motion

@@ -22,8 +22,10 @@ use std::borrow::Borrow;
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 
-use super::alternatives::{HUBER_BOUND, has_delays, loss_choice, series_choice, velocity_choice};
-use super::delays::settled_delays;
+use super::alternatives::{
+    HUBER_BOUND, Lateness, lateness, loss_choice, series_choice, velocity_choice,
+};
+use super::delays::{settled_common_delay, settled_delays};
 use super::motion_noise::{NoisyLogs, is_undetermined, rates, size_of, weighted, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
@@ -328,9 +330,17 @@ fn found<M: BaseModel<f64> + ?Sized>(
         return Ok(None);
     };
     choice.velocities = velocities;
-    if open.delays && reading.delays.is_empty() && has_delays(session, &basis)? {
+    let late = if open.delays && reading.delays.is_empty() {
+        lateness(session, &basis)?
+    } else {
+        Lateness::None
+    };
+    if late != Lateness::None {
         let filtered = session.with_reading(choice.applied(&session.reading));
-        let delays = settled_delays(&filtered, runs)?;
+        let delays = match late {
+            Lateness::Common => settled_common_delay(&filtered, runs)?,
+            _ => settled_delays(&filtered, runs)?,
+        };
         // late efforts disturb the choice of a cutoff, which is made again without their delays
         let on_time = Settings {
             measured_rates: filtered.reading.measured_rates,

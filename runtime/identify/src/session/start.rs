@@ -123,9 +123,13 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     if session.reading.are_delays_found {
         add_delay_error(&session.reading.delays, &mut identified);
     }
-    let late = identified.delays.left_change.clone();
+    let mut late = identified.delays.left_change.clone();
     if !late.is_empty() {
         add_change(&late, &mut identified);
+    }
+    if !identified.delays.are_significant() {
+        // what may be chance makes no value biased
+        late.clear();
     }
     let motion = add_motion_noise(session, logs, &mut identified)?;
     let noise_note = match motion {
