@@ -152,7 +152,14 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     )?;
     let is_long = |own: &Delay| own.seconds.abs() * rate > MIN_DELAY_ROWS;
     let (each, common) = (&found.delays.efforts, &found.delays.common);
-    if each.iter().any(|own| own.is_significant() && is_long(own)) {
+    let certain = each.iter().filter(|own| own.is_significant());
+    let mut signs: Vec<bool> = certain.clone().map(|own| own.seconds > 0.0).collect();
+    signs.dedup();
+    if signs.len() > 1 {
+        // what makes some efforts late and others early is an error of the model or of the motion
+        return Ok(Lateness::None);
+    }
+    if certain.clone().any(|own| is_long(own)) {
         return Ok(Lateness::Each);
     }
     let is_common = common.as_ref().is_some_and(|all| {
