@@ -260,7 +260,7 @@ fn linear(which: &str, logs: usize, samples: usize) {
             "reduce" => {
                 let checks = Checks {
                     scale,
-                    blocks: Some(&found.blocks),
+                    deviations: Some(&found.deviations),
                     ..Checks::default()
                 };
                 let steps = reduce(&found.factor, &combinations, &layout, &checks).unwrap();

@@ -2,38 +2,79 @@
 
 use regen_codegen::diag::Source;
 use regen_experiment::instruments::instrumental;
+use regen_identify::IdentifiedModel;
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
-use regen_identify::session::{Choice, Session, chosen, from_logs};
+use regen_identify::session::{Choice, OpenChoices, Session, chosen, from_logs};
+use regen_identify::signals::Method;
 use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_report::results::BiasRemedy;
+use regen_report::results::{BiasRemedy, Identification};
 
-use crate::args::{IdentifyArgs, ReadingArgs, VelocitiesArg};
+use crate::args::{DelayArg, IdentifyArgs, ReadingArgs, VelocitiesArg};
 use crate::exit::Failure;
 
-use crate::{identify, load, loads, observe};
+use crate::{delay, identify, load, loads, observe};
 
 /// Whether neither an option nor the experiment file says how positions are differentiated.
 pub(crate) fn is_open(reading: &ReadingArgs) -> bool {
     !observe::settings(reading).is_method_given
 }
 
-/// Chooses a filter from the logs where none is given, and sets the options that pin it; returns the
-/// choice.
+/// What the options leave to be chosen beside the filter.
+///
+/// - `loss`: whether the command solves by the loss of least squares or Huber's.
+pub(crate) fn open(reading: &ReadingArgs, loss: bool) -> OpenChoices {
+    OpenChoices {
+        delays: reading.delay.is_empty() && observe::settings(reading).delays.is_empty(),
+        loss,
+    }
+}
+
+/// Chooses from the logs how they are read where no filter is given, and sets the options that pin it;
+/// returns the choice.
 pub(crate) fn made(
     reading: &mut ReadingArgs,
     session: &Session<'_, Interpreted<'_>>,
     logs: &[Run],
+    open: OpenChoices,
 ) -> Result<Option<Choice>, Failure> {
     if !is_open(reading) || logs.is_empty() {
         return Ok(None);
     }
-    let choice = chosen(session, logs)?;
+    let choice = chosen(session, logs, open)?;
     if let Some(choice) = &choice {
         pin(choice, reading);
     }
     Ok(choice)
+}
+
+/// Sets the options that read logs as those of parameters were read, as far as options leave that open; where
+/// none was chosen for them, one is chosen from these logs. Returns the choice where its filter is used.
+pub(crate) fn repeat_or_make(
+    reading: &mut ReadingArgs,
+    model: &Interpreted<'_>,
+    found: &IdentifiedModel,
+    logs: &[Run],
+) -> Result<Option<Choice>, Failure> {
+    let Some(choice) = &found.provenance.filter else {
+        let session = observe::session(model, reading).in_amperes();
+        let open = if found.gains.is_empty() {
+            open(reading, false)
+        } else {
+            OpenChoices::default()
+        };
+        return made(reading, &session, logs, open);
+    };
+    if is_open(reading) {
+        // these logs may have another motion
+        let choice = choice.without_series();
+        pin(&choice, reading);
+        return Ok(Some(choice));
+    }
+    // the drives are as late behind any filter
+    pin_delays(choice, reading);
+    Ok(None)
 }
 
 /// Chooses a filter for a fit of unknown gains and payloads, from the runs without a payload where there
@@ -53,51 +94,82 @@ pub(crate) fn made_without_loads(
         runs.clone_from(&args.logs);
     }
     let session = identify::session(&args.clone(), &model).in_amperes();
-    made(&mut args.reading, &session, &runs)
+    // efforts in A do not share parameters as the equations do, so that delays and outliers would be those
+    // of a model that does not hold
+    made(&mut args.reading, &session, &runs, OpenChoices::default())
 }
 
-/// Sets the options that pin a choice; a decimation or an even grid that is given stays.
+/// Sets the options of reading that pin a choice; a decimation, an even grid or delays that are given stay.
 pub(crate) fn pin(choice: &Choice, reading: &mut ReadingArgs) {
     let settings = observe::settings(reading);
-    reading.butterworth = Some((choice.cutoff, choice.order));
+    match choice.method() {
+        Method::Fourier {
+            frequency,
+            harmonics,
+        } => reading.fourier = Some((frequency, harmonics)),
+        _ => reading.butterworth = Some((choice.cutoff, choice.order)),
+    }
     if settings.decimation == 1 {
-        reading.decimate = Some(choice.decimation);
+        reading.decimate = Some(choice.equation_decimation());
     }
     reading.resample = settings.resample.or(choice.resample);
     if settings.measured_rates.is_none() && choice.velocities.is_some_and(|own| own.are_computed) {
         reading.velocities = Some(VelocitiesArg::Computed);
     }
+    pin_delays(choice, reading);
 }
 
-/// What leaves fewer values biased than the result of least squares does, tried on the same logs: the
-/// filter that would be chosen in place of a given one, else instrumental variables; `None` where no value
-/// is biased.
+/// Sets the delays of a choice, unless delays are given.
+pub(crate) fn pin_delays(choice: &Choice, reading: &mut ReadingArgs) {
+    if open(reading, false).delays && !choice.delays.is_empty() {
+        let delays = choice.delays.iter().cloned();
+        reading.delay = delays.map(|(name, s)| DelayArg::Of(name, s)).collect();
+        reading.has_found_delays = true;
+    }
+}
+
+/// What leaves fewer values biased than the result of least squares does, tried on the same logs: corrected
+/// delays, the filter that would be chosen in place of a given one, else instrumental variables; `None` where
+/// no value is biased.
 ///
 /// - `filter`: the one that was chosen, `None` where it was given.
 pub(crate) fn bias_remedy(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
-    file: &ParameterFile,
+    found: &Identification,
     filter: Option<&Choice>,
 ) -> Result<Option<BiasRemedy>, Failure> {
+    let file = &found.file;
     let before = biased(file);
     if before == 0 || args.logs.is_empty() {
         return Ok(None);
     }
     let session = identify::session(args, model);
+    let left = |other: &IdentifyArgs| -> Result<usize, Failure> {
+        let session = identify::session(other, model);
+        let start = from_logs(&session, &mut session.open(&other.logs)?)?;
+        let shares = EffortContributions::of(&start.factor);
+        let found = start.model();
+        let file = ParameterFile::new(model, &found, &shares, Vec::new(), args.confidence)?;
+        Ok(biased(&file))
+    };
+    if let Some(other) = delay::with_auto(args, &session, &found.summary)? {
+        let after = left(&other)?;
+        if after < before {
+            return Ok(Some(BiasRemedy {
+                options: "--delay auto".to_owned(),
+                unchanged: after,
+            }));
+        }
+    }
     if filter.is_none()
-        && let Some(choice) = chosen(&session, &args.logs)?
+        && let Some(choice) = chosen(&session, &args.logs, OpenChoices::default())?
     {
         let mut other = args.clone();
         (other.reading.local, other.reading.fourier) = (None, None);
         (other.reading.no_filter, other.reading.decimate) = (false, None);
         pin(&choice, &mut other.reading);
-        let session = identify::session(&other, model);
-        let start = from_logs(&session, &mut session.open(&other.logs)?)?;
-        let shares = EffortContributions::of(&start.factor);
-        let found = start.model();
-        let other = ParameterFile::new(model, &found, &shares, Vec::new(), args.confidence)?;
-        let after = biased(&other);
+        let after = left(&other)?;
         if after < before {
             return Ok(Some(BiasRemedy {
                 options: format!(

@@ -26,25 +26,32 @@ pub(crate) fn corrected(
     Ok(Some(args))
 }
 
-/// eps_RA of least squares with `--delay auto`, percent; `None` where no delay is stated, where delays were
+/// The options with the delays that `--delay auto` corrects; `None` where no delay is stated, where delays were
 /// corrected or given, or where none is settled.
+pub(crate) fn with_auto(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+    found: &Summary,
+) -> Result<Option<IdentifyArgs>, Failure> {
+    if !session.reading.delays.is_empty() || args.logs.is_empty() || !states_delays(&found.delays) {
+        return Ok(None);
+    }
+    let mut other = args.clone();
+    other.reading.delay = vec![DelayArg::Auto];
+    let other = corrected(&other, session)?;
+    Ok(other.filter(|other| !other.reading.delay.is_empty()))
+}
+
+/// eps_RA of least squares with `--delay auto`, percent, see [`with_auto`].
 pub(crate) fn tried(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
     found: &Summary,
 ) -> Result<Option<f64>, Failure> {
     let session = identify::session(args, model);
-    if !session.reading.delays.is_empty() || args.logs.is_empty() || !states_delays(&found.delays) {
-        return Ok(None);
-    }
-    let mut other = args.clone();
-    other.reading.delay = vec![DelayArg::Auto];
-    let Some(other) = corrected(&other, &session)? else {
+    let Some(other) = with_auto(args, &session, found)? else {
         return Ok(None);
     };
-    if other.reading.delay.is_empty() {
-        return Ok(None);
-    }
     let session = identify::session(&other, model);
     let start = from_logs(&session, &mut session.open(&other.logs)?)?;
     Ok(start.relative_absolute)

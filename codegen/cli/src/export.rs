@@ -30,7 +30,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
     let file = load::file(&args.urdf)?;
     let spec = load::source(&args.spec)?;
     let given = load::file(&args.parameters)?;
-    let (parameters, notes) = match identified(&args.parameters, &given)? {
+    let (parameters, notes) = match identified(&args.parameters, &given, &spec)? {
         Some(found) => found,
         None => placed(&given)?,
     };
@@ -83,7 +83,11 @@ fn placed(source: &Source) -> Result<(Parameters, Vec<String>), Failure> {
 
 /// Reads parameters from a file of `regen identify --out`, or from any YAML; `None` for other JSON,
 /// which [`placed`] reads with the places of mistakes.
-fn identified(path: &Path, source: &Source) -> Result<Option<(Parameters, Vec<String>)>, Failure> {
+fn identified(
+    path: &Path,
+    source: &Source,
+    spec: &Source,
+) -> Result<Option<(Parameters, Vec<String>)>, Failure> {
     let yaml = files::Format::of(path) == files::Format::Yaml;
     let Ok(mut value) = parameters::value(path) else {
         // the error of YAML that does not parse contains line and column
@@ -98,6 +102,15 @@ fn identified(path: &Path, source: &Source) -> Result<Option<(Parameters, Vec<St
         && fields.contains_key("parameters")
         && fields.contains_key("method")
     {
+        let robot = fields.get("robot").and_then(Value::as_str);
+        if let (Some(robot), Ok(spec)) = (robot, regen_codegen::spec::parse(spec))
+            && robot != spec.name.value
+        {
+            let own = spec.name.value;
+            return Err(wrong(format!(
+                "robot: is `{robot}`, and the spec's robot is `{own}`"
+            )));
+        }
         if !fields.contains_key("bodies") {
             let why = "these are base parameters, which do not determine bodies: identify with \
                        --feasible";

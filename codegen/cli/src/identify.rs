@@ -6,7 +6,7 @@ use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{Options, digest};
 use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
 use regen_identify::session::{
-    self, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
+    self, Choice, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
 };
 use regen_identify::status::EffortContributions;
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -95,8 +95,10 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         choice::made_without_loads(&mut args, &source)?
     } else {
         let session = session(&args, &model);
-        choice::made(&mut args.reading, &session, &args.logs)?
+        let open = choice::open(&args.reading, is_loss_open(&args));
+        choice::made(&mut args.reading, &session, &args.logs, open)?
     };
+    args.huber = args.huber.or(filter.as_ref().and_then(Choice::huber));
     let args = &args;
     let corrected = if has_loads {
         // found together with gains and payloads
@@ -116,7 +118,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     // what least squares would gain is no advice for another model, and a remedy that fails is none
     let is_least_squares = !(args.iv || args.physical.wanted() || args.physical.reduce);
     if !has_loads && !simulates && is_least_squares {
-        let remedy = choice::bias_remedy(args, &model, &json.file, filter.as_ref());
+        let remedy = choice::bias_remedy(args, &model, &json, filter.as_ref());
         json.summary.bias_remedy = remedy.ok().flatten();
         let tried = delay::tried(args, &model, &json.summary);
         json.summary.relative_absolute_without_delays = tried.ok().flatten();
@@ -150,6 +152,13 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     }
     identify_simulated::require_determined(&json.summary)?;
     physical::require_optimum(&identified)
+}
+
+/// Whether no option names the loss of the residuals, and Huber's is possible.
+fn is_loss_open(args: &IdentifyArgs) -> bool {
+    let is_named = args.huber.is_some() || args.estimator.is_some() || args.iv;
+    let is_refused = args.cross || args.bandwidth.is_some() || args.physical.reduce;
+    !(is_named || is_refused || args.physical.friction)
 }
 
 /// Identifies a model from the logs or factor files of the options; of several models the last one
@@ -348,7 +357,7 @@ fn factors(
         sets.push(set.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?);
     }
     let start = from_factors(session, sets).map_err(|error| match &error {
-        SessionError::Digest { place, .. } => {
+        SessionError::Digest { place, .. } | SessionError::Origin { place, .. } => {
             let path = args.from.get(*place).map(|p| p.display().to_string());
             Failure::Input(format!("{}: {error}", path.unwrap_or_default()))
         }

@@ -29,7 +29,7 @@ use crate::{observe, parameters, path, table, terminal};
 
 pub(crate) use controllers::stated_gains;
 use controllers::{common, controlled, require_known, setups};
-pub(crate) use estimator::{HUBER_BOUND, SETTLE, note_unused, with_estimator};
+pub(crate) use estimator::{SETTLE, note_unused, with_estimator};
 
 /// Identifies by an estimator that simulates the controlled robot.
 pub(crate) fn solve(

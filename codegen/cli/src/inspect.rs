@@ -383,7 +383,7 @@ fn predicted(
         // a log whose motion determines nothing keeps the filter that its spectrum proposes
         let fitted = chosen.runs.iter().filter(|k| **k < chosen.fitted);
         let fitted: Vec<Run> = fitted.filter_map(|k| args.logs.get(*k)).cloned().collect();
-        if let Ok(Some(choice)) = filter_of(&session, &fitted) {
+        if let Ok(Some(choice)) = filter_of(&session, &fitted, choice::open(&args.reading, true)) {
             session.reading = choice.applied(&session.reading);
             *filter = Some(choice.clone());
             for k in &chosen.runs {

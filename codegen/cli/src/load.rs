@@ -12,6 +12,7 @@ use regen_codegen::diag::Source;
 use regen_codegen::pipeline;
 use regen_codegen::robot::{FunctionKind, Robot};
 use regen_codegen::spec::{self, Payloads};
+use regen_identify::files::require_regular;
 
 use crate::args::PayloadArg;
 use crate::call;
@@ -33,25 +34,28 @@ pub(crate) fn text(path: &Path) -> Result<String, Failure> {
     up_to(MAX_BYTES, path)
 }
 
-/// Reads a text file, or standard input for `-`, of at most `limit` bytes: a device may never end.
+/// Reads all of a file of at most `limit` bytes; `None` for longer ones, as a device may never end.
+fn bytes(limit: usize, file: impl Read) -> std::io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    file.take(limit as u64 + 1).read_to_end(&mut bytes)?;
+    Ok((bytes.len() <= limit).then_some(bytes))
+}
+
+/// Reads a text file, or standard input for `-`, of at most `limit` bytes.
 fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
     if let Some(text) = call::text(path) {
         return Ok(text);
     }
-    let mut bytes = Vec::new();
-    let file: std::io::Result<Box<dyn Read>> = if path == Path::new("-") {
-        Ok(Box::new(std::io::stdin()))
+    let read = if path == Path::new("-") {
+        bytes(limit, std::io::stdin())
     } else {
-        File::open(path).map(|file| Box::new(file) as _)
+        File::open(path).and_then(|file| bytes(limit, file))
     };
-    file.and_then(|file| file.take(limit as u64 + 1).read_to_end(&mut bytes))
-        .map_err(|error| Failure::io("read", path, &error))?;
-    if bytes.len() > limit {
+    let read = read.map_err(|error| Failure::io("read", path, &error))?;
+    let bytes = read.ok_or_else(|| {
         let path = path.display();
-        return Err(Failure::Input(format!(
-            "{path} has more than {limit} bytes, the limit"
-        )));
-    }
+        Failure::Input(format!("{path} has more than {limit} bytes, the limit"))
+    })?;
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         Failure::Input(format!(
@@ -62,10 +66,17 @@ fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
     })
 }
 
-/// Reads files that an MJCF file includes, from the folder that it is in.
+/// Reads files that an MJCF file names, from the folder that it is in.
 pub(crate) fn included_files(file: &Path) -> impl FnMut(&str) -> Result<Vec<u8>, String> {
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
-    move |name: &str| std::fs::read(folder.join(name)).map_err(|error| error.to_string())
+    move |name: &str| {
+        let path = folder.join(name);
+        let read = require_regular(&path)
+            .and_then(|()| File::open(&path))
+            .and_then(|file| bytes(MAX_BYTES, file));
+        let read = read.map_err(|error| error.to_string())?;
+        read.ok_or_else(|| format!("it has more than {MAX_BYTES} bytes, the limit"))
+    }
 }
 
 /// Reads a spec's text.

@@ -5,6 +5,7 @@ use regen_identify::data::{
     Settings,
 };
 use regen_identify::estimate::EstimateError;
+use regen_identify::identify::suspect::Spikes;
 use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
 use regen_identify::session::{MonitoredLogs, Session, SessionError};
 use regen_identify::signals::{Method, SignalError};
@@ -31,7 +32,8 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     require_base(&model, &robot.name)?;
     let filter = {
         let session = session(&model, &args.reading);
-        choice::made(&mut args.reading, &session, &args.logs)?
+        let open = choice::open(&args.reading, false);
+        choice::made(&mut args.reading, &session, &args.logs, open)?
     };
     let (reading, corrected_delays) =
         delay::found_for(&args.reading, &session(&model, &args.reading), &args.logs)?;
@@ -261,6 +263,9 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
                 figure_of(3, 100.0 * part)
             ));
         }
+        if let Some(text) = said_of_spikes(report) {
+            terminal::note(&text);
+        }
         if let Some(text) = said_of_gaps(report) {
             terminal::note(&text);
         }
@@ -274,6 +279,27 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
     }
 }
 
+/// Which efforts jump in single rows of a log, in one line.
+fn said_of_spikes(report: &FileReport) -> Option<String> {
+    let one = |(column, own): &(String, Spikes)| {
+        let rows = if own.rows == 1 {
+            format!("row {}", own.row)
+        } else {
+            format!("{} rows, the first is row {}", own.rows, own.row)
+        };
+        format!("`{column}` by up to {} ({rows})", figure_of(3, own.largest))
+    };
+    let columns: Vec<String> = report.spikes.iter().map(one).collect();
+    (!columns.is_empty()).then(|| {
+        format!(
+            "warning: {}: efforts jump and are back in the next row: column {}: they count as missing; \
+             `checks: {{outliers: keep}}` uses them",
+            report.file,
+            columns.join(", ")
+        )
+    })
+}
+
 /// What was done with the gaps and dropouts of a log, in one line.
 fn said_of_gaps(report: &FileReport) -> Option<String> {
     let Bridged {
@@ -284,7 +310,13 @@ fn said_of_gaps(report: &FileReport) -> Option<String> {
         longest,
     } = report.bridged;
     let s = |count: usize| if count == 1 { "" } else { "s" };
-    let parts = |count: usize| format!("{count} gap{0} or dropout{0}", s(count));
+    let parts = |count: usize| {
+        if report.spikes.is_empty() {
+            format!("{count} gap{0} or dropout{0}", s(count))
+        } else {
+            format!("{count} gap{0}, dropout{0} or jump{0} of efforts", s(count))
+        }
+    };
     let bridged = (count > 0).then(|| {
         let part = 100.0 * rows as f64 / (report.rows + rows) as f64;
         format!(

@@ -309,7 +309,8 @@ fn add_unmodelled(args: &RehearseArgs, twin: &mut Twin) -> Result<Option<String>
 
 /// Huber's bound, if residuals are to be bounded.
 fn huber(own: &SolvingArgs) -> Option<f64> {
-    let usual = (own.estimator == EstimatorArg::Huber).then_some(identify_simulated::HUBER_BOUND);
+    let usual =
+        (own.estimator == EstimatorArg::Huber).then_some(regen_identify::session::HUBER_BOUND);
     own.huber.or(usual)
 }
 

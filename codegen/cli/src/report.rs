@@ -8,7 +8,9 @@ use regen_codegen::robot::Robot;
 use crate::args::{IdentifyArgs, ReportArgs};
 use crate::exit::Failure;
 use crate::suspect::OtherSpecs;
-use crate::{delay, experiment, load, loads, observe, parameters, suspect, terminal, write};
+use crate::{
+    choice, delay, experiment, load, loads, observe, parameters, suspect, terminal, write,
+};
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
@@ -72,6 +74,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     // `read` checks that the file belongs to this model, by its digest
     let identified = parameters::read(&args.params, &model)?;
     loads::require_gains(&args.reading, &identified, &args.params)?;
+    choice::repeat_or_make(&mut args.reading, &model, &identified, &args.logs)?;
     let value = parameters::value(&args.params)?;
     let file: ParameterFile = serde_json::from_value(value).map_err(|why| {
         Failure::Input(format!(

@@ -32,21 +32,6 @@ struct ValidateJson {
     models: Vec<Predicted>,
 }
 
-/// Chooses a filter where none is given: the one that was chosen for the parameters, or else one from the
-/// logs; returns it.
-fn chosen(args: &mut ValidateArgs, model: &Interpreted<'_>) -> Result<Option<Choice>, Failure> {
-    if !choice::is_open(&args.reading) {
-        return Ok(None);
-    }
-    let first = parameters::read(&args.params, model)?;
-    if let Some(filter) = first.provenance.filter {
-        choice::pin(&filter, &mut args.reading);
-        return Ok(Some(filter));
-    }
-    let session = observe::session(model, &args.reading).in_amperes();
-    choice::made(&mut args.reading, &session, &args.logs)
-}
-
 /// Says which of the logs the parameters were identified from, as far as names tell.
 fn note_known_logs(path: &Path, found: &IdentifiedModel, logs: &[Run]) {
     let names = logs.iter().map(|run| stem(&run.to_string()));
@@ -94,7 +79,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
-    let filter = chosen(&mut args, &model)?;
+    let first = parameters::read(&args.params, &model)?;
+    let filter = choice::repeat_or_make(&mut args.reading, &model, &first, &args.logs)?;
     let (reading, corrected_delays) = delay::of_named(&args.reading, &model, &args.logs)?;
     args.reading = reading;
     let kind = observe::kind(&args.reading);

@@ -1,6 +1,7 @@
 //! The filter that is chosen where no option names one, as a user sees it.
 #![allow(clippy::unwrap_used)]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -98,10 +99,228 @@ fn without_an_option_noisy_positions_give_what_exact_ones_give() {
     // the same motion and efforts with exact positions
     let truth = simulated("choice_exact", "0,0");
     let exact = identified(&truth, &["--butterworth", "4,40"]);
-    let pairs = rows(&found).into_iter().zip(rows(&exact));
-    let inside = pairs.filter(|((_, low, high, _), (value, ..))| (low..=high).contains(&value));
-    let (inside, all) = (inside.count(), rows(&exact).len());
+    let (inside, all) = (inside(&found, &exact), rows(&exact).len());
     assert!(10 * inside >= 9 * all, "{inside} of {all}");
+}
+
+/// Rewrites the efforts of the log in a folder: the row that each comes from, and what is added to it.
+fn with_efforts(dir: &Path, late: usize, error: impl Fn(usize) -> f64) {
+    let text = fs::read_to_string(dir.join("log.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let mut out = rows[0].join(",") + "\n";
+    for row in 1 + late..rows.len() {
+        let cells = rows[0].iter().enumerate().map(|(k, title)| {
+            if !title.starts_with("tau_") {
+                return rows[row][k].to_owned();
+            }
+            let effort: f64 = rows[row - late][k].parse().unwrap();
+            (effort + error(row)).to_string()
+        });
+        out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+    }
+    fs::write(dir.join("log.csv"), out).unwrap();
+}
+
+/// How many intervals of a result hold the values of another one, which were found from exact rows.
+fn inside(found: &Value, exact: &Value) -> usize {
+    let pairs = rows(found).into_iter().zip(rows(exact));
+    let inside = pairs.filter(|((_, low, high, _), (value, ..))| (low..=high).contains(&value));
+    inside.count()
+}
+
+#[test]
+fn efforts_that_are_late_are_corrected_without_an_option_and_a_pinned_filter_makes_values_biased() {
+    let truth = simulated("choice_late_exact", "0,0");
+    let exact = identified(&truth, &["--butterworth", "4,40"]);
+    let all = rows(&exact).len();
+    let dir = simulated("choice_late", "1e-5,0.02");
+    with_efforts(&dir, 3, |_| 0.0);
+    let found = identified(&dir, &["--out", "p.json"]);
+    let delays = found["filter"]["delays"].as_array().unwrap();
+    assert_eq!(delays.len(), 2, "{found}");
+    for delay in delays {
+        let seconds = delay[1].as_f64().unwrap();
+        assert!((seconds - 0.006).abs() < 5e-4, "{delay}");
+    }
+    assert!(10 * inside(&found, &exact) >= 9 * all, "{found}");
+    // predictions correct them too, also behind another filter
+    let spec = spec();
+    let error = |more: &[&str]| {
+        let words = ["validate", &spec, "p.json", "log.csv", "--format", "json"];
+        let found = regen(&dir, &[&words, more].concat()).ended(0).json();
+        found["models"][0]["logs"][0]["relative_rms"]
+            .as_f64()
+            .unwrap()
+    };
+    let other = ["--butterworth", "4,12"];
+    assert!(error(&[]) < 2.0);
+    let late = [&other[..], &["--delay", "q1=0", "--delay", "q3=0"]].concat();
+    assert!(2.0 * error(&other) < error(&late));
+
+    // an option pins that there is none
+    let pinned = ["--delay", "q1=0", "--delay", "q3=0"];
+    assert!(identified(&dir, &pinned)["filter"]["delays"].is_null());
+    // with a pinned filter no value that the delay moves far is called well
+    let kept = identified(&dir, &["--butterworth", "4,12"]);
+    let pairs = rows(&kept).into_iter().zip(rows(&exact));
+    let mut biased = 0;
+    for ((value, low, high, status), (actual, ..)) in pairs {
+        biased += usize::from(status == "biased");
+        let sigma = (high - low) / 4.0;
+        assert!(
+            status != "well" || (value - actual).abs() < 4.0 * sigma,
+            "{value} {actual} {sigma}"
+        );
+    }
+    assert!(biased > 0, "{kept}");
+    assert_eq!(kept["bias_remedy"]["options"], "--delay auto");
+}
+
+#[test]
+fn single_rows_in_which_efforts_jump_count_as_missing_unless_a_file_keeps_them() {
+    let truth = simulated("choice_jumps_exact", "0,0");
+    let exact = identified(&truth, &["--butterworth", "4,40"]);
+    let dir = simulated("choice_jumps", "1e-5,0.02");
+    // two rows of a hundred are off by far more than the largest effort
+    with_efforts(&dir, 0, |row| match row * 7919 % 100 {
+        3 => 20.0,
+        61 => -20.0,
+        _ => 0.0,
+    });
+    let spec = spec();
+    let ended = regen(&dir, &["identify", &spec, "log.csv", "--format", "json"]).ended(0);
+    let found = ended.json();
+    let says = "efforts jump and are back in the next row: column `tau_q1` by up to 20.";
+    assert!(ended.err.contains(says), "{}", ended.err);
+    assert_eq!(found["files"][0]["gaps"]["bridged"], 100);
+    let all = rows(&exact).len();
+    assert!(10 * inside(&found, &exact) >= 9 * all, "{found}");
+    let text = "checks: {outliers: keep}\nruns: [{files: [log.csv]}]\n";
+    fs::write(dir.join("keep.yaml"), text).unwrap();
+    let words = [
+        "identify",
+        &spec,
+        "keep.yaml",
+        "--format",
+        "json",
+        "--no-suspicion",
+    ];
+    let kept = regen(&dir, &words).ended(0).json();
+    let error = |found: &Value| found["relative_absolute"].as_f64().unwrap();
+    assert!(error(&found) < 0.3 * error(&kept), "{found} {kept}");
+}
+
+#[test]
+fn efforts_with_outliers_of_several_rows_are_fitted_with_a_bounded_loss() {
+    let truth = simulated("choice_outliers_exact", "0,0");
+    let exact = identified(&truth, &["--butterworth", "4,40"]);
+    let dir = simulated("choice_outliers", "1e-5,0.02");
+    // a controller that is disturbed for 40 ms twice a second
+    with_efforts(&dir, 0, |row| match row % 250 {
+        0..20 => [0.3, -0.4][row / 250 % 2],
+        _ => 0.0,
+    });
+    let found = identified(&dir, &["--no-suspicion"]);
+    assert_eq!(found["filter"]["loss"]["huber"], 1.345, "{found}");
+    // better than squares, which an option pins
+    let squares = identified(&dir, &["--estimator", "ls", "--no-suspicion"]);
+    assert!(squares["filter"]["loss"].is_null());
+    let error = |found: &Value| -> f64 {
+        let pairs = rows(found).into_iter().zip(rows(&exact));
+        pairs
+            .map(|((value, ..), (actual, ..))| (value - actual).powi(2))
+            .sum()
+    };
+    assert!(error(&found) < 0.5 * error(&squares), "{found} {squares}");
+    // a clean log keeps squares
+    let clean = simulated("choice_no_outliers", "1e-5,0.02");
+    assert!(identified(&clean, &[])["filter"]["loss"]["huber"].is_null());
+}
+
+const SLIDER: &str = "\
+name: slider
+gravity: [0, 0, -9.81]
+limbs:
+  - name: a
+    joints: [{name: q, type: prismatic, axis: x, body: cart, actuated: true, friction: viscous}]
+bodies: {cart: {mass: 2.0, com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 1]}}
+";
+
+/// Writes a log of a cart of 2 kg with friction of 3 N s/m that repeats a motion of two harmonics, whose frequency
+/// grows by a part along the log.
+fn repeating(dir: &Path, growth: f64) {
+    let mut state = 1_u64;
+    let mut noise = || {
+        let mut sum = 0.0;
+        for _ in 0..12 {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            sum += (state >> 40) as f64 / (1_u64 << 24) as f64 - 0.5;
+        }
+        sum
+    };
+    let mut text = "t,q,tau_q\n".to_owned();
+    for k in 0..2000 {
+        let t = 0.01 * f64::from(k);
+        let start = std::f64::consts::TAU * 0.3137;
+        // the phase, its rate and the rate of that
+        let phase = start * t * (1.0 + growth * t);
+        let (rate, change) = (start * (1.0 + 2.0 * growth * t), 2.0 * growth * start);
+        let (sin, cos) = phase.sin_cos();
+        let (sin_3, cos_3) = (3.0 * phase).sin_cos();
+        let q = 0.2 * sin + 0.03 * cos_3;
+        let slope = 0.2 * cos - 0.09 * sin_3;
+        let v = rate * slope;
+        let a = change * slope - rate * rate * (0.2 * sin + 0.27 * cos_3);
+        let tau = 2.0 * a + 3.0 * v + 0.03 * noise();
+        writeln!(text, "{t},{},{tau}", q + 1e-4 * noise()).unwrap();
+    }
+    fs::write(dir.join("log.csv"), text).unwrap();
+}
+
+#[test]
+fn a_motion_that_repeats_itself_is_a_series_and_one_that_does_not_is_none() {
+    let dir = scratch("choice_series");
+    fs::write(dir.join("slider.yaml"), SLIDER).unwrap();
+    repeating(&dir, 0.0);
+    let found = |more: &[&str]| {
+        let words = [
+            &["identify", "slider.yaml", "log.csv", "--format", "json"],
+            more,
+        ]
+        .concat();
+        regen(&dir, &words).ended(0).json()
+    };
+    let own = found(&["--out", "p.json"]);
+    let series = &own["filter"]["series"];
+    assert_eq!(series["is_used"], true, "{own}");
+    assert_eq!(series["harmonics"], 3);
+    let frequency = series["frequency"].as_f64().unwrap();
+    assert!((frequency / 0.3137 - 1.0).abs() < 1e-4, "{series}");
+    for ((_, low, high, status), truth) in rows(&own).into_iter().zip([2.0, 3.0]) {
+        assert!(status == "well" && low < truth && truth < high, "{own}");
+    }
+    // the option repeats it, and predictions of other motions use the filter
+    let pinned = found(&["--fourier", &format!("{frequency},3")]);
+    assert_eq!(rows(&pinned), rows(&own));
+    let words = [
+        "validate",
+        "slider.yaml",
+        "p.json",
+        "log.csv",
+        "--format",
+        "json",
+    ];
+    let validated = regen(&dir, &words).ended(0).json();
+    assert!(validated["filter"]["series"].is_null(), "{validated}");
+
+    repeating(&dir, 0.002);
+    let other = found(&[]);
+    assert!(other["filter"]["series"].is_null(), "{other}");
+    for ((_, low, high, _), truth) in rows(&other).into_iter().zip([2.0, 3.0]) {
+        assert!(low < truth && truth < high, "{other}");
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::common::{Run, regen, root, scratch};
+use crate::common::{Run, regen, regen_with, root, scratch};
 
 /// A log as cells; the header is the first row.
 #[derive(Clone)]
@@ -321,6 +321,23 @@ fn a_file_that_is_no_text_is_reported_as_such() {
     fs::write(dir.join("wide.csv"), wide).unwrap();
     let run = regen(&dir, &["identify", "r.yaml", "wide.csv"]).ended(3);
     assert!(run.err.contains("no text in UTF-8"), "{}", run.err);
+}
+
+#[test]
+#[cfg(unix)]
+fn pipes_and_devices_are_refused_as_logs_wherever_they_are_named() {
+    let (dir, log) = bench("pipe");
+    std::os::unix::fs::symlink("/dev/zero", dir.join("endless.csv")).unwrap();
+    fs::write(dir.join("runs.yaml"), "runs: [{files: [endless.csv]}]\n").unwrap();
+    for args in [
+        &["identify", "r.yaml", "/dev/stdin"][..],
+        &["identify", "r.yaml", "runs.yaml"],
+        &["inspect", "/dev/stdin"],
+    ] {
+        let run = regen_with(&dir, args, &log.text());
+        let said = run.err.contains("this is a pipe or a device");
+        assert!(run.code != 0 && said, "{args:?}: {}", run.err);
+    }
 }
 
 /// Doubtful numbers are used on request, with or without a message; values that are not numbers are

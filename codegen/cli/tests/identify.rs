@@ -336,6 +336,119 @@ fn mistakes_in_logs_and_factors_are_reported() {
     assert!(part.err.contains("values are missing for"), "{}", part.err);
 }
 
+/// A change of a file, and what is then said.
+type Change = (fn(&mut Value), &'static str);
+
+#[test]
+fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_place() {
+    let dir = scratch("identify-foreign");
+    fs::write(dir.join("cart.yaml"), CART).unwrap();
+    fs::write(dir.join("a.csv"), log(&dir, 200, 1.3)).unwrap();
+    run(&dir, &["observe", "cart.yaml", "a.csv", "--out", "a.json"]).ended(0);
+    run(&dir, &["identify", "cart.yaml", "a.csv", "--out", "p.json"]).ended(0);
+    let read = |name: &str| -> Value {
+        serde_json::from_str(&fs::read_to_string(dir.join(name)).unwrap()).unwrap()
+    };
+    let changes: [Change; 6] = [
+        (
+            |file| file["robot"] = "arm".into(),
+            "robot: is `arm`, and the spec's robot is `cart`",
+        ),
+        (
+            |file| file["version"] = 2.into(),
+            "version: files of parameters have no such key",
+        ),
+        (
+            |file| file["parameters"][1] = file["parameters"][0].clone(),
+            "parameters, row 2: `",
+        ),
+        (
+            |file| file["parameters"][1]["label"] = "Fv(z)".into(),
+            "parameters, row 2: `Fv(z)` is none of cart's",
+        ),
+        (
+            |file| file["parameters"][0]["unit"] = "lb".into(),
+            "parameters, row 1: the unit of `",
+        ),
+        (
+            |file| file["model"] = "0".into(),
+            "these are parameters of cart with the digest 0",
+        ),
+    ];
+    for (change, says) in changes {
+        let mut file = read("p.json");
+        change(&mut file);
+        fs::write(dir.join("q.json"), file.to_string()).unwrap();
+        for args in [
+            &["validate", "cart.yaml", "q.json", "a.csv"][..],
+            &["report", "cart.yaml", "q.json", "a.csv", "--out", "r"],
+            &[
+                "simulate",
+                "cart.yaml",
+                "--parameters",
+                "q.json",
+                "--duration",
+                "1",
+                "--out",
+                "s.csv",
+            ],
+        ] {
+            let refused = regen(&dir, args).ended(3);
+            let named = refused.err.contains(&format!("q.json: {says}"));
+            assert!(named, "{args:?} {says}: {}", refused.err);
+        }
+    }
+    for (text, says) in [
+        (
+            "{\"Fv(x)\": 1,\n\"Fv(x)\": 2}",
+            "the key `Fv(x)` is given twice at line 2",
+        ),
+        ("{\"Fv(z)\": 1}", "`Fv(z)`: cart has no such parameter"),
+    ] {
+        fs::write(dir.join("q.json"), text).unwrap();
+        let refused = regen(&dir, &["validate", "cart.yaml", "q.json", "a.csv"]).ended(3);
+        assert!(refused.err.contains(says), "{}", refused.err);
+    }
+    let changes: [Change; 7] = [
+        (
+            |file| file["kind"] = "energy".into(),
+            "`kind` is `energy` and has to be `forces` or `energy over 0.5 s`",
+        ),
+        (
+            |file| file["kind"] = "energy over 0.5 s".into(),
+            "`efforts` is `x, q` and has to be `energy`",
+        ),
+        (
+            |file| file["efforts"][1] = "x".into(),
+            "has the effort `x` twice",
+        ),
+        (
+            |file| file["efforts"][1] = "z".into(),
+            "`efforts` is `x, z` and has to be `x, q`",
+        ),
+        (
+            |file| file["robot"] = "arm".into(),
+            "`robot` is `arm` and has to be `cart`",
+        ),
+        (
+            |file| file["factors"][0]["rows"] = 0.into(),
+            "rows is 0, and the factor has entries",
+        ),
+        (
+            |file| file["factors"][0]["r"][1] = 1.into(),
+            "r: the entry 1, in row 1 and column 0, is below the diagonal and not zero",
+        ),
+    ];
+    for (change, says) in changes {
+        let mut file = read("a.json");
+        change(&mut file);
+        fs::write(dir.join("b.json"), file.to_string()).unwrap();
+        let refused = regen(&dir, &["identify", "cart.yaml", "--from", "b.json"]).ended(3);
+        let named = refused.err.contains("b.json: ") && refused.err.contains(says);
+        assert!(named, "{says}: {}", refused.err);
+    }
+}
+
 /// A five-bar with encoder noise of 0.1 mrad, differentiated twice at 200 Hz: the error of least
 /// squares is more than five standard deviations, that of `--iv` is less, with measured and with
 /// simulated instruments.

@@ -104,6 +104,23 @@ fn included_files_are_looked_up_beside_the_file() {
 }
 
 #[test]
+#[cfg(unix)]
+fn devices_that_a_file_names_are_not_read() {
+    let dir = scratch("import_device");
+    std::os::unix::fs::symlink("/dev/zero", dir.join("endless.stl")).unwrap();
+    let mesh = "<mujoco><asset><mesh name=\"m\" file=\"endless.stl\"/></asset><worldbody><body name=\"a\">\
+                <joint name=\"q\"/><geom type=\"mesh\" mesh=\"m\"/></body></worldbody></mujoco>";
+    let include = "<mujoco><include file=\"/dev/zero\"/></mujoco>";
+    // a mesh is not necessary
+    for (text, code) in [(mesh, 0), (include, 3)] {
+        fs::write(dir.join("main.xml"), text).unwrap();
+        let run = regen(&dir, &["import", "main.xml"]).ended(code);
+        let said = run.err.contains("this is a pipe or a device");
+        assert!(said, "{}", run.err);
+    }
+}
+
+#[test]
 fn wrong_files_and_words_exit_with_3_and_show_the_place() {
     let dir = scratch("import_wrong");
     fs::write(

@@ -194,6 +194,50 @@ fn episodes_of_lerobot_are_read_by_the_names_of_their_features() {
     );
 }
 
+#[test]
+fn parquet_files_of_each_compression_have_the_same_numbers() {
+    let times: Vec<f64> = (0..64).map(|k| f64::from(k) / 100.0).collect();
+    let numbers: Vec<f64> = (0..64).map(|k| f64::from(k % 7) / 8.0).collect();
+    for name in ["none", "snappy", "gzip", "brotli", "lz4", "zstd"] {
+        let run = Run::from(fixture(&format!("parquet/{name}.parquet")));
+        let track = only(&run, &["q"], &[]);
+        assert_eq!(track.times, times, "{name}");
+        assert_eq!(track.positions, [(0, numbers.clone())], "{name}");
+    }
+    let kinds = Run::from(fixture("parquet/kinds.parquet"));
+    let kind = |name: &str| only(&kinds, &[name], &[]).positions[0].1.clone();
+    let all = |number: &dyn Fn(f64) -> f64| (0..64).map(|k| number(f64::from(k))).collect();
+    let expected: [(&str, Vec<f64>); 4] = [
+        ("half", all(&|k| k / 8.0 - 3.0)),
+        ("large", all(&|k| 2_f64.powi(63) + 2048.0 * k)),
+        ("word", all(&|k| 2_f64.powi(31) + k)),
+        ("decimal", all(&|k| k / 4.0)),
+    ];
+    for (name, numbers) in expected {
+        assert_eq!(kind(name), numbers, "{name}");
+    }
+    let empty = Run::from(fixture("parquet/empty.parquet"));
+    let error = read(&empty, &["q"], &[]).unwrap_err().to_string();
+    assert!(error.ends_with("it has no rows"), "{error}");
+}
+
+#[test]
+fn a_changed_bit_of_a_page_with_a_check_sum_is_refused() {
+    let bytes = fs::read(fixture("parquet/none.parquet")).unwrap();
+    let number = (6.0 / 8.0_f64).to_le_bytes();
+    let at = bytes.windows(8).position(|part| part == number).unwrap();
+    let path = scratch("parquet_bit").join("changed.parquet");
+    for bit in 0..64 {
+        let mut changed = bytes.clone();
+        changed[at + bit / 8] ^= 1 << (bit % 8);
+        fs::write(&path, changed).unwrap();
+        let error = read(&Run::from(path.clone()), &["q"], &[]).unwrap_err();
+        let error = error.to_string();
+        let named = error.contains("column `q`: the check sum of the page at byte ");
+        assert!(named, "{error}");
+    }
+}
+
 /// Every fourth row of a log of the guide; the recording `run1.mcap` was made of these rows.
 fn quarter() -> String {
     let text = fs::read_to_string(root().join("runtime/guide/fivebar/run1.csv")).unwrap();

@@ -7,9 +7,13 @@ use crate::log::{Log, Place};
 
 /// Largest depth of nesting; no robot needs as much, and it bounds the recursion.
 const MAX_DEPTH: usize = 300;
-/// Largest total length, in bytes, of namespace declarations that are added because the file lacks
-/// them.
-const MAX_DECLARATION_BYTES: usize = 10_000;
+/// Largest number of attributes of an element: the time of the XML library grows with its square.
+const MAX_ATTRIBUTES: usize = 1000;
+/// Largest number of namespace declarations; the library copies those of the parents with each.
+const MAX_DECLARATIONS: usize = 10_000;
+/// Largest number of namespace declarations that are added because the file lacks them; the file is
+/// parsed again with each.
+const MAX_ADDED: usize = 20;
 /// Largest number of included files.
 const MAX_INCLUDED_FILES: usize = 100;
 
@@ -59,6 +63,11 @@ impl Element {
 /// Reads a file's root element; `None` if an error was recorded.
 pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
     let file = log.add(source.clone());
+    if let Some((at, message)) = excess(&source.text) {
+        let place = Place::new(file, Span::new(at, at + 1));
+        log.error(place, message, "no robot file needs as many");
+        return None;
+    }
     let mut text = source.text.clone();
     let mut added = AddedDeclarations::default();
     loop {
@@ -69,7 +78,7 @@ pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
             }
             // some tools do not declare their namespace prefixes, and robot readers accept this
             Err(roxmltree::Error::UnknownNamespace(prefix, _))
-                if added.length < MAX_DECLARATION_BYTES && !prefix.is_empty() =>
+                if added.count < MAX_ADDED && !prefix.is_empty() =>
             {
                 added.declare(&mut text, &prefix);
             }
@@ -89,6 +98,7 @@ pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
 struct AddedDeclarations {
     at: usize,
     length: usize,
+    count: usize,
 }
 
 impl AddedDeclarations {
@@ -96,6 +106,7 @@ impl AddedDeclarations {
         let declaration = format!(" xmlns:{prefix}=\"{prefix}\"");
         self.at = after_root_name(text);
         self.length += declaration.len();
+        self.count += 1;
         text.insert_str(self.at, &declaration);
     }
 
@@ -121,13 +132,7 @@ fn after_root_name(text: &str) -> usize {
     let mut at = 0;
     while let Some(open) = text[at..].find('<').map(|found| at + found) {
         let rest = &text[open..];
-        let end = if rest.starts_with("<!--") {
-            "-->"
-        } else if rest.starts_with("<?") {
-            "?>"
-        } else if rest.starts_with("<!") {
-            ">"
-        } else {
+        let Some(end) = end_of_other(rest) else {
             let name = rest.find(|c: char| c.is_whitespace() || c == '>' || c == '/');
             return open + name.unwrap_or(rest.len());
         };
@@ -137,6 +142,52 @@ fn after_root_name(text: &str) -> usize {
         }
     }
     text.len()
+}
+
+/// What ends a comment, an instruction or literal text that begins here; `None` for tags.
+fn end_of_other(rest: &str) -> Option<&'static str> {
+    let ends = [
+        ("<!--", "-->"),
+        ("<![CDATA[", "]]>"),
+        ("<?", "?>"),
+        ("<!", ">"),
+    ];
+    let found = ends.iter().find(|(start, _)| rest.starts_with(start));
+    found.map(|(_, end)| *end)
+}
+
+/// The place of an attribute or declaration beyond the limits, and what is wrong with it.
+fn excess(text: &str) -> Option<(usize, String)> {
+    if let Some((at, _)) = text.match_indices("xmlns").nth(MAX_DECLARATIONS) {
+        return Some((at, format!("more than {MAX_DECLARATIONS} namespaces")));
+    }
+    let mut at = 0;
+    while let Some(open) = text[at..].find('<').map(|found| at + found) {
+        if let Some(end) = end_of_other(&text[open..]) {
+            at = open + text[open..].find(end)? + end.len();
+            continue;
+        }
+        let (mut quote, mut attributes) = (None, 0);
+        at = text.len();
+        for (k, byte) in text.bytes().enumerate().skip(open + 1) {
+            match byte {
+                _ if quote == Some(byte) => quote = None,
+                _ if quote.is_some() => {}
+                b'"' | b'\'' => quote = Some(byte),
+                b'=' if attributes == MAX_ATTRIBUTES => {
+                    let message = format!("more than {MAX_ATTRIBUTES} attributes in an element");
+                    return Some((k, message));
+                }
+                b'=' => attributes += 1,
+                b'<' | b'>' => {
+                    at = k;
+                    break;
+                }
+                _ => {}
+            }
+        }
+    }
+    None
 }
 
 /// The parser's message without its line and column.

@@ -415,6 +415,17 @@ fn wrong_files_are_refused_with_the_place_and_a_remedy() {
             "<robot><link name=\"a\" </robot>".to_owned(),
             "robot.xml:1:23: the file is not XML",
         ),
+        (
+            format!(
+                "<robot>\n<!-- = -->\n<link name=\"=\"{}/></robot>",
+                " a=''".repeat(100_000)
+            ),
+            "robot.xml:3:5012: more than 1000 attributes in an element",
+        ),
+        (
+            format!("<robot>{}</robot>", "<a xmlns:b='c'/>".repeat(10_001)),
+            "robot.xml:1:160011: more than 10000 namespaces",
+        ),
         (String::new(), "robot.xml:1:1: the file is not XML"),
         (
             "<sdf/>".to_owned(),

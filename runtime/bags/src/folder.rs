@@ -28,10 +28,19 @@ const METADATA: &str = "metadata.yaml";
 /// Largest metadata, bytes; they list topics and files.
 const MAX_METADATA_BYTES: u64 = 1 << 22;
 
+/// Opens a file; pipes and devices, which can be read only once or never end, are refused before.
+fn open(path: &Path) -> std::io::Result<File> {
+    let found = std::fs::metadata(path)?;
+    if !found.is_file() && !found.is_dir() {
+        return Err(std::io::Error::other("this is a pipe or a device"));
+    }
+    File::open(path)
+}
+
 /// The first bytes of a file.
 fn start(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(path)?.take(16).read_to_end(&mut bytes)?;
+    open(path)?.take(16).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -131,8 +140,8 @@ pub(crate) fn parts(path: &Path) -> Result<Vec<Part>, BagError> {
         ));
     }
     let mut text = String::new();
-    let read = File::open(&metadata)
-        .and_then(|file| file.take(MAX_METADATA_BYTES).read_to_string(&mut text));
+    let read =
+        open(&metadata).and_then(|file| file.take(MAX_METADATA_BYTES).read_to_string(&mut text));
     read.map_err(|source| BagError::Io {
         file: metadata.clone(),
         source,

@@ -300,3 +300,63 @@ fn files_that_are_no_recordings_are_named_with_a_remedy() {
     let missing = Log::open(Path::new("missing.mcap"), None).unwrap_err();
     assert!(matches!(missing, BagError::Io { .. }));
 }
+
+/// The message of a database with a topic of joint states and these statements, after a change of its bytes.
+fn database(name: &str, statements: &str, change: impl Fn(&mut Vec<u8>)) -> String {
+    let file = Scratch::new(name);
+    let database = rusqlite::Connection::open(&file.0).unwrap();
+    let topics = "PRAGMA page_size = 512;
+        CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT);
+        INSERT INTO topics VALUES (1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr');";
+    database
+        .execute_batch(&format!("{topics}{statements}"))
+        .unwrap();
+    database.close().unwrap();
+    let mut bytes = fs::read(&file.0).unwrap();
+    change(&mut bytes);
+    fs::write(&file.0, bytes).unwrap();
+    Log::open(&file.0, None).unwrap_err().to_string()
+}
+
+#[test]
+fn databases_without_end_are_refused() {
+    let endless =
+        "CREATE VIEW messages AS WITH RECURSIVE c(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM c)
+        SELECT id, 1 AS topic_id, id AS timestamp, x'00' AS data FROM c;";
+    let view = database("view.db3", endless, |_| ());
+    assert!(
+        view.contains("view.db3: `messages`: this is a view"),
+        "{view}"
+    );
+    // pages of 40 entries, all of which lead to the next page
+    let rows = "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB);
+        INSERT INTO messages VALUES (1, 1, 0, x'00');";
+    let damaged = database("damaged.db3", rows, |bytes| {
+        let root = bytes.len() - 512;
+        let leaf = bytes[root..].to_vec();
+        let pages = (bytes.len() / 512) as u32;
+        for level in 0..8 {
+            let next = pages + level + 1;
+            let mut page = vec![0; 512];
+            // an inner page of a table: 40 cells of 5 bytes, the page that follows, places of the cells
+            page[0] = 5;
+            page[4] = 40;
+            page[5..7].copy_from_slice(&300_u16.to_be_bytes());
+            page[8..12].copy_from_slice(&next.to_be_bytes());
+            for cell in 0..40_u16 {
+                let (list, at) = (12 + 2 * usize::from(cell), 300 + 5 * cell);
+                page[list..list + 2].copy_from_slice(&at.to_be_bytes());
+                let at = usize::from(at);
+                page[at..at + 4].copy_from_slice(&next.to_be_bytes());
+                page[at + 4] = cell as u8;
+            }
+            match level {
+                0 => bytes[root..root + 512].copy_from_slice(&page),
+                _ => bytes.extend(page),
+            }
+        }
+        bytes.extend(leaf);
+        bytes[28..32].copy_from_slice(&(pages + 8).to_be_bytes());
+    });
+    assert!(damaged.contains("goes on for longer"), "{damaged}");
+}

@@ -18,7 +18,7 @@
 //!
 //! # Features
 //!
-//! - `parquet`: reads logs from Parquet files too, uncompressed or compressed by Snappy.
+//! - `parquet`: reads logs from Parquet files too, of every usual compression.
 //! - `lapack-system`: the conic solver calls the dense routines of a BLAS and LAPACK that the
 //!   program links.
 #![allow(

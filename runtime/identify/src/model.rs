@@ -52,7 +52,8 @@ pub struct Intervals {
     pub physical: Vec<Option<Interval>>,
     /// Intervals of the coefficients of nonlinear friction, joint by joint.
     pub friction: Vec<Vec<Option<Interval>>>,
-    /// By how much the noise of the measured motion may move each base parameter, which its deviation
+    /// By how much noise of the measured motion and delays that are not corrected may move each base
+    /// parameter, which its deviation
     /// contains; empty where it is not known.
     pub bias: Vec<f64>,
     /// How the intervals were computed, in words.

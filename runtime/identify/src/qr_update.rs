@@ -12,6 +12,11 @@ use pulp::{Arch, Simd, WithSimd};
 /// Rows reduced at a time: with some 40 columns they fit the second-level cache.
 pub(crate) const BLOCK: usize = 256;
 
+/// A column whose squares add up to less than this is zero. Each column that depends on those before it
+/// leaves rounding errors of those that came before, so that behind some twenty of them the squares
+/// underflow, and a reflection would divide by zero.
+pub(crate) const NOTHING: f64 = f64::MIN_POSITIVE / (f64::EPSILON * f64::EPSILON);
+
 /// Reduces the rows of `[block | side]` into the triangle `[r | z]`; returns the residual sum of
 /// squares that these rows add.
 ///
@@ -64,7 +69,7 @@ impl Reflection {
     fn of(v: &[f64], top: &mut f64) -> Self {
         let tail = dot(v, v);
         let alpha = *top;
-        if tail == 0.0 {
+        if tail < NOTHING {
             return Self {
                 flipped: alpha < 0.0,
                 ..Self::default()

@@ -1,26 +1,9 @@
 //! Finds the period of a motion that repeats itself.
 
+use regen_identify::signals::Repetition;
 use serde::Serialize;
 
 use crate::gather::Trace;
-
-/// Lags are searched from where the mean square difference between a signal and the shifted signal,
-/// divided by twice the variance, first exceeds this.
-const DEPARTED_DIFFERENCE: f64 = 0.3;
-/// The largest mean square difference, in the same measure, between periods of a motion.
-const MAX_PERIOD_DIFFERENCE: f64 = 0.02;
-/// A shorter period is preferred if its difference is at most this many times the smallest one,
-/// plus [`EQUIVALENT_DIFFERENCE`].
-const EQUIVALENT_RATIO: f64 = 4.0;
-/// A difference of this size is rounding and noise.
-const EQUIVALENT_DIFFERENCE: f64 = 2e-4;
-/// The least part of the log that is compared.
-const MIN_OVERLAP: f64 = 0.2;
-/// The least part of the whole variance that the compared parts must have, since rest at the
-/// beginning and at the end is no period.
-const MIN_VARIANCE: f64 = 0.3;
-/// The largest number of points of the trace that are compared.
-const POINTS: usize = 2048;
 
 /// A periodic motion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -33,35 +16,6 @@ pub struct Period {
     pub repetitions: f64,
     /// The rms difference between periods over the rms of the motion, percent.
     pub difference: f64,
-}
-
-/// The mean squared difference of some signals between times `lag` points apart, over twice their
-/// variance there, averaged over the signals; `None` if they move too little there.
-///
-/// - `whole`: the variance of each signal over the whole log.
-fn difference(signals: &[&[f64]], whole: &[f64], lag: usize) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0.0);
-    let (mut moving, mut all) = (0.0, 0.0);
-    for (values, whole) in signals.iter().zip(whole) {
-        let n = values.len().checked_sub(lag)?;
-        let (early, late) = (&values[..n], &values[lag..]);
-        let own = 0.5 * (variance(early) + variance(late));
-        moving += (own / whole).min(1.0);
-        all += 1.0;
-        if own > 0.0 {
-            let pairs = early.iter().zip(late);
-            let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
-            sum += squares / n as f64 / (2.0 * own);
-            count += 1.0;
-        }
-    }
-    (count > 0.0 && moving >= MIN_VARIANCE * all).then(|| sum / count)
-}
-
-fn variance(values: &[f64]) -> f64 {
-    let n = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n
 }
 
 /// How far a multiple of a period may be from a whole number of them.
@@ -99,57 +53,14 @@ pub(crate) fn period(trace: &Trace, positions: &[usize]) -> Option<Period> {
 
 /// The period of the points of one trace.
 fn repeated(trace: &Trace, positions: &[usize]) -> Option<Period> {
-    let n = trace.times.len();
-    let every = n.div_ceil(POINTS).max(1);
-    let thin = |column: &usize| -> Option<Vec<f64>> {
-        let values = trace.columns.get(*column)?;
-        Some(values.iter().step_by(every).copied().collect())
-    };
-    let thinned: Vec<Vec<f64>> = positions.iter().filter_map(thin).collect();
-    let moving = thinned.iter().filter(|values| variance(values) > 0.0);
-    let signals: Vec<&[f64]> = moving.map(Vec::as_slice).collect();
-    let points = signals.first()?.len();
-    let whole: Vec<f64> = signals.iter().map(|values| variance(values)).collect();
-    let longest = ((1.0 - MIN_OVERLAP) * points as f64).floor();
-    #[allow(clippy::cast_sign_loss, reason = "positive")]
-    let longest = longest as usize;
-    let found: Vec<Option<f64>> = (0..longest)
-        .map(|lag| difference(&signals, &whole, lag))
-        .collect();
-    let left = found
-        .iter()
-        .position(|d| d.is_some_and(|d| d > DEPARTED_DIFFERENCE))?;
-    let at = |lag: usize| found.get(lag).copied().flatten();
-    let valleys = (left + 1..longest.saturating_sub(1)).filter_map(|lag| {
-        let (a, b, c) = (at(lag - 1)?, at(lag)?, at(lag + 1)?);
-        // the minimum of the parabola through the three, since lags are whole numbers of points
-        let bend = a - 2.0 * b + c;
-        let shift = if bend > 0.0 {
-            0.5 * (a - c) / bend
-        } else {
-            0.0
-        };
-        let bottom = (b - 0.25 * (a - c) * shift).max(0.0);
-        (b <= a && b <= c && bottom < MAX_PERIOD_DIFFERENCE).then_some((lag as f64 + shift, bottom))
-    });
-    let valleys: Vec<(f64, f64)> = valleys.collect();
-    let least = valleys.iter().map(|v| v.1).fold(f64::INFINITY, f64::min);
-    let first = valleys
-        .iter()
-        .find(|v| v.1 <= EQUIVALENT_RATIO * least + EQUIVALENT_DIFFERENCE)?;
-    // noise splits a valley into several, of which the deepest counts
-    let near = valleys
-        .iter()
-        .filter(|v| v.0 < first.0 + first.0 / 20.0 + 3.0 && v.0 >= first.0);
-    let (lag, bottom) = *near.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let span = trace.times.last()? - trace.times.first()?;
-    let step = span / (n - 1).max(1) as f64 * every as f64;
-    let seconds = lag * step;
-    (seconds > 0.0).then(|| Period {
-        seconds,
-        frequency: 1.0 / seconds,
-        repetitions: span / seconds,
-        difference: 100.0 * (2.0 * bottom).sqrt(),
+    let columns = positions.iter().filter_map(|k| trace.columns.get(*k));
+    let signals: Vec<&[f64]> = columns.map(Vec::as_slice).collect();
+    let found = Repetition::of_signals(&trace.times, &signals)?;
+    Some(Period {
+        seconds: found.seconds,
+        frequency: 1.0 / found.seconds,
+        repetitions: (trace.times.last()? - trace.times.first()?) / found.seconds,
+        difference: 100.0 * found.difference,
     })
 }
 

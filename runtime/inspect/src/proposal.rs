@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use regen_identify::data::{Join, Run};
 use regen_identify::session::Choice;
+use regen_identify::signals::Method;
 use regen_identify::text::figure_of;
 
 use crate::clock::ClockSource;
@@ -384,13 +385,19 @@ fn process(found: &LogFacts, choice: Option<&Choice>) -> Vec<(&'static str, Stri
         keys.push(("resample", chosen.unwrap_or(rate).to_string()));
     }
     if let Some(own) = choice {
-        let filter = format!(
-            "{{butterworth: {{order: {}, cutoff: {}}}}}",
-            own.order, own.cutoff
-        );
+        let filter = match own.method() {
+            Method::Fourier {
+                frequency,
+                harmonics,
+            } => format!("{{fourier: {{frequency: {frequency}, harmonics: {harmonics}}}}}"),
+            _ => format!(
+                "{{butterworth: {{order: {}, cutoff: {}}}}}",
+                own.order, own.cutoff
+            ),
+        };
         keys.push(("filter", filter));
-        if own.decimation > 1 {
-            keys.push(("decimate", own.decimation.to_string()));
+        if own.equation_decimation() > 1 {
+            keys.push(("decimate", own.equation_decimation().to_string()));
         }
         if own.velocities.is_some_and(|own| own.are_computed) {
             keys.push(("velocities", "computed".to_owned()));

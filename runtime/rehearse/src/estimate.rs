@@ -66,6 +66,18 @@ impl Estimator {
         }
     }
 
+    /// Whether residuals have a loss that may be chosen.
+    pub(crate) fn has_open_loss(&self) -> bool {
+        matches!(
+            self,
+            Self::LeastSquares
+                | Self::Physical {
+                    friction: false,
+                    ..
+                }
+        )
+    }
+
     /// Whether equations are set up from the measured motion.
     pub(crate) fn reads_motion(&self) -> bool {
         !matches!(self, Self::Didim(_) | Self::Response { .. })

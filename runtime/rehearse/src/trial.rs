@@ -7,7 +7,7 @@ use regen_experiment::simulate::{LogColumns, Settings, Termination, simulate};
 use regen_identify::data::Run;
 use regen_identify::friction::JointFit;
 use regen_identify::model::{IdentifiedModel, Interval};
-use regen_identify::session::{Session, Silent, chosen, compare};
+use regen_identify::session::{OpenChoices, Session, Silent, chosen, compare};
 use regen_response::Number;
 use regen_runtime::{BaseModel, Model};
 
@@ -73,9 +73,14 @@ where
         };
         let mut session = self.session();
         if self.chooses_filter && self.estimator.reads_motion() {
-            let choice = chosen(&session, runs)?;
-            let reading = choice.map(|choice| choice.applied(&session.reading));
-            session.reading = reading.unwrap_or(session.reading);
+            let open = OpenChoices {
+                delays: session.reading.delays.is_empty() && !self.finds_delays,
+                loss: self.estimator.has_open_loss(),
+            };
+            if let Some(choice) = chosen(&session, runs, open)? {
+                session.reading = choice.applied(&session.reading);
+                session.options.huber = session.options.huber.or(choice.huber());
+            }
         }
         let found = match &self.loads {
             Some(loads) => loads.estimate(&session, runs, &self.estimator, &made)?,

@@ -4,10 +4,12 @@
     venv/bin/python tests/tools/bags/write.py
 
 Numbers of message k (from 0) and joint j (from 0) are 0.5 (j + 1) + k/8 rad, j - k/4 rad/s and
-2 + k - j/2 N m; stamps are 1700000000 s + 10 ms k; messages are received 2 ms later.
+2 + k - j/2 N m; stamps are 1700000000 s + 10 ms k; messages are received 2 ms later. Row k of the files of
+`parquet/` has the time k/100 and the number (k mod 7)/8, or the numbers that `compressions` states.
 """
 
 import csv
+import decimal
 import json
 import shutil
 import sqlite3
@@ -348,6 +350,41 @@ def lerobot():
     pq.write_table(table([1, 2, 3]), folder / "data/chunk-000/file-000.parquet", row_group_size=20)
 
 
+def compressions():
+    """The same 64 rows with each compression, and numbers of the kinds that other programs write."""
+    folder = OUT / "parquet"
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = range(64)
+    bare = dict(store_schema=False, write_statistics=False, write_page_checksum=True)
+    log = pa.table({"t": [k / 100 for k in rows], "q": [k % 7 / 8 for k in rows]})
+    for name in ["none", "snappy", "gzip", "brotli", "lz4", "zstd"]:
+        # the second version leaves levels as they are and compresses the values alone
+        version = "2.0" if name == "zstd" else "1.0"
+        pq.write_table(
+            log,
+            folder / f"{name}.parquet",
+            compression=name,
+            use_dictionary=name != "none",
+            data_page_version=version,
+            **bare,
+        )
+    kinds = {
+        "t": pa.array([k / 100 for k in rows]),
+        "half": pa.array(np.array([k / 8 - 3 for k in rows], np.float16)),
+        "large": pa.array([2**63 + 2048 * k for k in rows], pa.uint64()),
+        "word": pa.array([2**31 + k for k in rows], pa.uint32()),
+        "decimal": pa.array([decimal.Decimal(k) / 4 for k in rows], pa.decimal64(9, 2)),
+    }
+    pq.write_table(
+        pa.table(kinds),
+        folder / "kinds.parquet",
+        compression="zstd",
+        store_decimal_as_integer=True,
+        **bare,
+    )
+    pq.write_table(log.slice(0, 0), folder / "empty.parquet", **bare)
+
+
 def guide():
     """Every fourth row of a log of the guide."""
     rows = list(csv.reader(open(ROOT / "runtime/guide/fivebar/run1.csv")))[1::4]
@@ -380,5 +417,6 @@ if __name__ == "__main__":
     big_endian()
     databases()
     lerobot()
+    compressions()
     fuzz()
     guide()

@@ -29,7 +29,8 @@ Noise is that of the positions, several kinds joined by `+`: `white:1e-5` (stand
 `steps:1e-4` (an encoder's steps), `jitter:0.3` (each row is measured at an instant off its time by this
 standard deviation, in samples), `cjitter:0.3` (the same, correlated over about 15 rows), `none`. `vel:1e-3` logs
 velocities too, with white noise of this deviation, and `vlag:2` lets them lag by so many samples; `late:0.4`
-logs the efforts so many samples late. The
+logs the efforts so many samples late, `spikes:0.01` gives this part of the efforts errors as large as efforts
+are. The
 efforts have white noise of --effort times their rms.
 
 A cell's figures: `error`, the rms of W (b - truth) over that of the efforts on another motion of the same
@@ -84,7 +85,7 @@ def parts(noise):
     out = {}
     for word in noise.split("+"):
         kind, _, size = word.partition(":")
-        if kind not in ("white", "steps", "jitter", "cjitter", "vel", "vlag", "late", "none"):
+        if kind not in ("white", "steps", "jitter", "cjitter", "vel", "vlag", "late", "spikes", "none"):
             raise SystemExit(f"no noise is called {kind}")
         out[kind] = float(size or 0)
     return out
@@ -111,7 +112,11 @@ def rows(run, rate, noise, effort, random):
     if step:
         zero = random.uniform(0, step, q.shape[1])
         q = np.round((q - zero) / step) * step + zero
-    z = z + effort * np.sqrt(np.mean(z**2, axis=0)) * random.normal(size=z.shape)
+    size = np.sqrt(np.mean(z**2, axis=0))
+    z = z + effort * size * random.normal(size=z.shape)
+    if "spikes" in sizes:
+        # few errors of efforts that are as large as these
+        z = z + (random.uniform(size=z.shape) < sizes["spikes"]) * size * random.normal(size=z.shape)
     if "vel" not in sizes:
         return t, q, np.empty((len(t), 0)), z
     late = instants - sizes.get("vlag", 0) / rate

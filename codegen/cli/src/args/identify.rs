@@ -48,9 +48,11 @@ with the efforts of all actuated ones; the others follow from the loop closure.
 
 Without an option or a key that says how positions are differentiated, a
 filter is chosen from the logs: each cutoff of a grid is tried, and judged by
-what noise leaves unknown and by what noise of the positions biases. The line
-`filter` has the choice, the reasons and the options that repeat it; the file
-of --out has it for `validate`.
+what noise leaves unknown and by what noise of the positions biases. Delays of
+the efforts that are beyond chance are corrected, and Huber's loss is used where
+outliers make squares of the residuals far less accurate. The lines `filter`,
+`delay` and `loss` have the choice, the reasons and the options that repeat it;
+the file of --out has it for `validate`. --delay and --estimator pin the others.
 
 An experiment file, YAML, describes how logs are read: columns by name, number
 or pattern with units, factors and gains, files to join, rows and times, filter
@@ -136,7 +138,8 @@ pub(crate) struct IdentifyArgs {
     /// Do not look for swapped columns, flipped signs, wrong units and the like
     #[arg(long, hide_short_help = true)]
     pub(crate) no_suspicion: bool,
-    /// The estimator [default: ls; --huber and --iv choose theirs]
+    /// The estimator [default: ls, or huber where residuals have heavy tails; --huber
+    /// and --iv choose theirs]
     #[arg(long, value_enum)]
     pub(crate) estimator: Option<EstimatorArg>,
     /// Use instrumental variables, which errors of the measured motion do not bias

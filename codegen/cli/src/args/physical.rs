@@ -21,8 +21,9 @@ pub(crate) struct PhysicalArgs {
     /// together with all other parameters, which are physical (Eq. 29)
     #[arg(long, group = "physical", conflicts_with_all = ["from", "huber", "energy", "cross", "bandwidth"])]
     pub(crate) friction: bool,
-    /// Eliminate base parameters until the rest is well identified (sigma below
-    /// 15 %) and physically feasible; every step is printed
+    /// Eliminate base parameters that are zero within their errors, as long as
+    /// the fit gets no worse than chance explains, and make the rest physically
+    /// feasible; every step is printed
     #[arg(long, conflicts_with_all = ["physical", "huber"])]
     pub(crate) reduce: bool,
     /// Logs to predict with every model, and to cross-validate --reduce with

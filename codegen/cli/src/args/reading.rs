@@ -79,9 +79,9 @@ pub(crate) struct ReadingArgs {
     /// Velocities below this, rad/s or m/s, also count as rest
     #[arg(long, value_name = "V", value_parser = not_negative, hide_short_help = true)]
     pub(crate) rest_speed: Option<f64>,
-    /// The delay in s of an effort, which is logged later than its motion: NAME=S.
-    /// `identify` always estimates it; `auto` also corrects the delays that least
-    /// squares of these logs finds
+    /// The delay in s of an effort, which is logged later than its motion: NAME=S
+    /// (0: none); `auto` corrects those that least squares of these logs finds
+    /// [default: corrected where a filter is chosen and they are beyond chance]
     #[arg(long, value_name = "NAME=S|auto")]
     pub(crate) delay: Vec<DelayArg>,
     /// Use the energy balance over windows of this length in s instead of the

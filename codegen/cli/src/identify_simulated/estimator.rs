@@ -2,14 +2,12 @@
 
 use regen_identify::data::Run as LogRun;
 use regen_identify::identify::EquationKind;
+use regen_identify::session::HUBER_BOUND;
 
 use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
 use crate::terminal;
 
-/// The default of Huber's bound, in standard deviations; for normal noise the estimate then has 95 %
-/// of the efficiency of least squares.
-pub(crate) const HUBER_BOUND: f64 = 1.345;
 /// The default of the time at the start of each log that DIDIM leaves out, s.
 pub(crate) const SETTLE: f64 = 0.5;
 

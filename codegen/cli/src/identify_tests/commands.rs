@@ -196,7 +196,7 @@ fn feasible_parameters_satisfy_known_masses_totals_bounds_and_identical_bodies()
 }
 
 #[test]
-fn a_reduction_leaves_well_identified_parameters_that_predict_another_log() {
+fn a_reduction_leaves_out_what_is_zero_within_its_errors_and_its_intervals_hold_the_truth() {
     let (log, other) = (noisy("reduce.csv", 5, 0.05), noisy("against.csv", 6, 0.05));
     let out = scratch("reduced.json", "");
     regen(&format!(
@@ -213,7 +213,29 @@ fn a_reduction_leaves_well_identified_parameters_that_predict_another_log() {
     let rows = file["parameters"].as_array().unwrap();
     let status = |text: &str| rows.iter().filter(|r| r["status"] == text).count();
     assert!(status("left out") > 0 && status("well") > 0);
-    assert_eq!(status("left out") + status("well"), rows.len());
+    let exact = Bench::new().with(1, 0.01, |model, _, _| truth(model, &mut Random::new(9)).1);
+    for ((row, least), exact) in rows
+        .iter()
+        .zip(file["least_squares"].as_array().unwrap())
+        .zip(exact)
+    {
+        let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+        if row["status"] == "left out" {
+            assert!(
+                number(least, "value").abs() < 2.0 * number(least, "sigma"),
+                "{row} {least}"
+            );
+        } else {
+            assert!(
+                (number(row, "low")..=number(row, "high")).contains(&exact),
+                "{row} {exact}"
+            );
+            assert!(
+                number(row, "sigma") >= number(least, "sigma"),
+                "{row} {least}"
+            );
+        }
+    }
     for path in [log, other, out] {
         fs::remove_file(path).unwrap();
     }

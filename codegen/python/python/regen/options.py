@@ -118,7 +118,7 @@ class InspectOptions(TypedDict, total=False):
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S (0: none); `auto` corrects those that least squares of these logs finds [default: corrected where a filter is chosen and they are beyond chance]
     delay: Values | None
     #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
@@ -167,7 +167,7 @@ class ObserveOptions(TypedDict, total=False):
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S (0: none); `auto` corrects those that least squares of these logs finds [default: corrected where a filter is chosen and they are beyond chance]
     delay: Values | None
     #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
@@ -234,7 +234,7 @@ class IdentifyOptions(TypedDict, total=False):
     date: Value | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S (0: none); `auto` corrects those that least squares of these logs finds [default: corrected where a filter is chosen and they are beyond chance]
     delay: Values | None
     #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
@@ -244,7 +244,7 @@ class IdentifyOptions(TypedDict, total=False):
     energy: Value | None
     #: The index of the episode to read from LeRobot files [default: the only one]
     episode: Value | None
-    #: The estimator [default: ls; --huber and --iv choose theirs]
+    #: The estimator [default: ls, or huber where residuals have heavy tails; --huber and --iv choose theirs]
     estimator: Value | None
     #: Decide whether any physical robot has the least-squares parameters, then find the physical parameters that fit best: all ten of every body
     feasible: bool
@@ -294,7 +294,7 @@ class IdentifyOptions(TypedDict, total=False):
     python: Value | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
-    #: Eliminate base parameters until the rest is well identified (sigma below 15 %) and physically feasible; every step is printed
+    #: Eliminate base parameters that are zero within their errors, as long as the fit gets no worse than chance explains, and make the rest physically feasible; every step is printed
     reduce: bool
     #: The trajectory that the controllers followed, as `regen excite` writes it; instruments, or the motion of `didim`, are simulated along it
     reference: Value | None
@@ -335,7 +335,7 @@ class ValidateOptions(TypedDict, total=False):
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S (0: none); `auto` corrects those that least squares of these logs finds [default: corrected where a filter is chosen and they are beyond chance]
     delay: Values | None
     #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
@@ -384,7 +384,7 @@ class ReportOptions(TypedDict, total=False):
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S (0: none); `auto` corrects those that least squares of these logs finds [default: corrected where a filter is chosen and they are beyond chance]
     delay: Values | None
     #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None

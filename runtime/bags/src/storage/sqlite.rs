@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use rusqlite::{Connection, OpenFlags};
+use rusqlite::{Connection, ErrorCode, OpenFlags};
 
 use super::{Channel, Place, Recorded};
 use crate::compression;
@@ -15,6 +15,13 @@ use crate::error::BagError;
 const BATCH: usize = 256;
 /// The longest message that is read, bytes: joint states are far shorter.
 const MAX_MESSAGE: i64 = 1 << 22;
+/// Steps of SQLite between two looks at their number.
+const STEPS_AT_A_TIME: i32 = 10_000;
+/// Turns of so many steps that any file may take.
+const MIN_TURNS: u64 = 100;
+/// The largest number of steps of a pass per byte of the file: a row has tens of bytes, and costs tens
+/// of steps.
+const MAX_STEPS_PER_BYTE: u64 = 20;
 
 /// The messages of a file.
 pub(super) struct SqliteMessages {
@@ -86,6 +93,21 @@ fn lengths(path: &Path) -> std::io::Result<(Option<u64>, u64)> {
     ))
 }
 
+/// Ends queries that take more steps than a file of `length` bytes can need, such as those of pages that
+/// lead to each other in a damaged one.
+fn bound_steps(database: &mut Connection, length: u64) -> rusqlite::Result<()> {
+    let most =
+        length.saturating_mul(MAX_STEPS_PER_BYTE) / u64::from(STEPS_AT_A_TIME.unsigned_abs());
+    let mut left = most.saturating_add(MIN_TURNS);
+    database.progress_handler(
+        STEPS_AT_A_TIME,
+        Some(move || {
+            left = left.saturating_sub(1);
+            left == 0
+        }),
+    )
+}
+
 impl SqliteMessages {
     /// Opens a database.
     ///
@@ -106,12 +128,18 @@ impl SqliteMessages {
                 ),
             });
         }
-        let failed = |place: &str, error: rusqlite::Error| BagError::Database {
-            file: path.to_path_buf(),
-            place: place.to_owned(),
-            source: Box::new(error),
-        };
-        let database = connect(path).map_err(|e| failed("the database", e))?;
+        let failed = |place: &str, error| failed(path, place, error);
+        let mut database = connect(path).map_err(|e| failed("the database", e))?;
+        bound_steps(&mut database, length).map_err(|e| failed("the database", e))?;
+        if let Some(view) = view(&database).map_err(|e| failed("the list of tables", e))? {
+            return Err(BagError::Broken {
+                file: path.to_path_buf(),
+                place: format!("`{view}`"),
+                why: "this is a view, whose rows are computed and may have no end: a bag has a table here; \
+                      `ros2 bag convert` writes a bag with tables"
+                    .to_owned(),
+            });
+        }
         let definitions = definitions(&database);
         let topics = topics(&database).map_err(|e| failed("the table `topics`", e))?;
         let counts = counts(&database).map_err(|e| failed("the table `messages`", e))?;
@@ -158,13 +186,12 @@ impl SqliteMessages {
     pub(super) fn advance(&mut self) -> Result<bool, BagError> {
         if self.batch.is_empty() && !self.ended {
             let last = self.last;
-            let disordered = self.read().map_err(|error| BagError::Database {
-                file: self.path.clone(),
-                place: match last {
+            let disordered = self.read().map_err(|error| {
+                let place = match last {
                     i64::MIN => "the first messages".to_owned(),
                     id => format!("the messages behind row {id} of the table `messages`"),
-                },
-                source: Box::new(error),
+                };
+                failed(&self.path, &place, error)
             })?;
             if let Some(id) = disordered {
                 return Err(BagError::Broken {
@@ -238,6 +265,37 @@ impl SqliteMessages {
             place: Place::Row(*id),
         })
     }
+}
+
+/// The error of a database that cannot be read at a place.
+fn failed(path: &Path, place: &str, error: rusqlite::Error) -> BagError {
+    let (file, place) = (path.to_path_buf(), place.to_owned());
+    if error.sqlite_error_code() == Some(ErrorCode::OperationInterrupted) {
+        return BagError::Broken {
+            why: format!(
+                "reading goes on for longer than a file of this size can need: the database is damaged; \
+                 `sqlite3 {} .recover` writes what can still be read",
+                path.file_name().unwrap_or_default().display()
+            ),
+            file,
+            place,
+        };
+    }
+    let source = Box::new(error);
+    BagError::Database {
+        file,
+        place,
+        source,
+    }
+}
+
+/// The name of a view where a bag has a table.
+fn view(database: &Connection) -> rusqlite::Result<Option<String>> {
+    let query = "SELECT name FROM sqlite_schema WHERE type = 'view' \
+                 AND lower(name) IN ('topics', 'messages', 'message_definitions')";
+    let mut statement = database.prepare(query)?;
+    let mut names = statement.query_map([], |row| row.get(0))?;
+    names.next().transpose()
 }
 
 type Topic = (i64, String, String, String);

@@ -9,7 +9,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 use csv::{ByteRecord, Reader};
 
 use super::file_rows::{FileRow, Table, Wanted, failed, shortened};
-use super::lines::{Lines, Place};
+use super::lines::{Limited, Lines, Place};
 use super::problem::{DataError, Fault};
 use super::table::{COMMENT, Separator, Written};
 
@@ -34,7 +34,7 @@ enum Records {
     },
     /// Rows of any kind, by the library.
     Any {
-        reader: Box<Reader<File>>,
+        reader: Box<Reader<Limited<File>>>,
         record: ByteRecord,
         /// The place where the library began.
         start: Place,
@@ -163,6 +163,8 @@ impl<'a> CsvRows<'a> {
         else {
             return Ok(None);
         };
+        let first = start.line + reader.position().line() - 1;
+        reader.get_mut().renew(first);
         if !reader.read_byte_record(record).map_err(failed)? {
             return Ok(None);
         }

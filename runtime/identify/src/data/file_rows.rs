@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::csv_rows::CsvRows;
 use super::problem::{DataError, Fault};
 use super::table::{Format, Written};
+use crate::files::require_regular;
 
 /// The largest number of characters of a title or an entry in a message.
 const MAX_SHOWN: usize = 40;
@@ -124,6 +125,10 @@ impl Opening<'_> {
     /// Finds the format of a file. A recording has several tables if several publishers send
     /// different joints.
     pub(super) fn tables(&mut self, path: &Path) -> Result<Vec<Table>, DataError> {
+        require_regular(path).map_err(|error| DataError::Io {
+            file: path.display().to_string(),
+            why: error.to_string(),
+        })?;
         #[cfg(feature = "bags")]
         if regen_bags::is_bag(path) {
             let tables = super::bags::tables(path, self.topic, &mut self.start)?;

@@ -5,6 +5,50 @@ use std::io::{self, Read};
 /// Bytes that are read at a time; a line that is longer makes the buffer grow.
 const BUFFER: usize = 1 << 16;
 
+/// Bytes that a row may have: thousands of columns. A file without ends of line would fill the memory.
+const MAX_ROW: usize = 1 << 20;
+
+fn too_long(from: u64) -> io::Error {
+    let why = format!("the row at line {from} has more than {MAX_ROW} bytes, the limit");
+    io::Error::new(io::ErrorKind::InvalidData, why)
+}
+
+/// An input that fails within a row that is too long.
+#[derive(Debug)]
+pub(super) struct Limited<R> {
+    input: R,
+    left: usize,
+    line: u64,
+}
+
+impl<R> Limited<R> {
+    pub(super) fn new(input: R) -> Self {
+        Self {
+            input,
+            left: MAX_ROW,
+            line: 1,
+        }
+    }
+
+    /// Allows another row, which begins at a line.
+    pub(super) fn renew(&mut self, line: u64) {
+        self.left = MAX_ROW;
+        self.line = line;
+    }
+}
+
+impl<R: Read> Read for Limited<R> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        if self.left == 0 {
+            return Err(too_long(self.line));
+        }
+        let room = out.len().min(self.left);
+        let count = self.input.read(&mut out[..room])?;
+        self.left -= count;
+        Ok(count)
+    }
+}
+
 /// A place in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
@@ -70,6 +114,9 @@ impl<R: Read> Lines<R> {
             self.end -= self.start;
             self.start = 0;
             searched = self.end;
+            if self.end >= MAX_ROW {
+                return Err(too_long(self.place.line));
+            }
             if self.end == self.buffer.len() {
                 self.buffer.resize(2 * self.end, 0);
             }
@@ -99,6 +146,28 @@ mod tests {
             self.0 = rest;
             Ok(count)
         }
+    }
+
+    #[test]
+    fn a_row_without_end_is_refused_with_its_line_before_it_is_read_whole() {
+        let start = Place { byte: 5, line: 2 };
+        let mut lines = Lines::new(io::Cursor::new(b"a\n").chain(io::repeat(b'7')), start);
+        assert!(lines.next_line().unwrap().is_some());
+        let error = lines.next_line().unwrap_err().to_string();
+        assert!(
+            error.starts_with("the row at line 3 has more than"),
+            "{error}"
+        );
+        let text = b"1,2\n\"3\",".chain(io::repeat(b'7'));
+        let mut rows = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .from_reader(Limited::new(text));
+        let mut row = csv::ByteRecord::new();
+        assert!(rows.read_byte_record(&mut row).unwrap());
+        let line = rows.position().line();
+        rows.get_mut().renew(line);
+        let error = rows.read_byte_record(&mut row).unwrap_err().to_string();
+        assert!(error.contains("the row at line 2 has more than"), "{error}");
     }
 
     #[test]

@@ -16,6 +16,7 @@ use super::stretch::Stretch;
 use super::unmeasured::Unmeasured;
 use super::window::Window;
 use crate::estimate::EstimateError;
+use crate::identify::suspect::Spikes;
 use crate::identify::{ChangedEfforts, Completion, Filtering, MotionSeries, Source, StateSample};
 use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError, Smoothing};
 use regen_runtime::{BaseModel, Info, Model};
@@ -46,8 +47,11 @@ pub struct FileReport {
     pub uncut: Option<(f64, f64)>,
     /// An earlier run that has rows of this one too, and the part of this one's rows that it has.
     pub repeats: Option<(String, f64)>,
-    /// The gaps and dropouts that were bridged.
+    /// The gaps and dropouts that were bridged, and the rows of spikes.
     pub bridged: Bridged,
+    /// The efforts, by their columns, that jump in some rows and are back in the next ones, where these rows
+    /// were bridged; the largest jump is in the unit of the column.
+    pub spikes: Vec<(String, Spikes)>,
     /// The longest time without a gap or a row that is left out, s.
     pub longest: f64,
     /// The time without these at both of whose ends the filters settle, s: a shorter one gives no
@@ -276,6 +280,17 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 derivatives: file.layout.derivatives,
                 velocities: velocities.iter().all(Option::is_some) && series.is_none(),
                 bridged,
+                spikes: if file.bridges_spikes() {
+                    let one = |own: &Spikes| {
+                        let entry = file.layout.efforts().nth(own.effort)?;
+                        let factor = file.layout.channels.get(entry)?.factor;
+                        let largest = (own.largest / factor).abs();
+                        Some((file.layout.title(entry), Spikes { largest, ..*own }))
+                    };
+                    survey.spikes.iter().filter_map(one).collect()
+                } else {
+                    Vec::new()
+                },
                 longest,
                 settling: settling(&file, &survey, settings),
                 problems,

@@ -1,6 +1,7 @@
 //! Reads the rows of a Parquet file, one row group after another.
 
 mod contents;
+mod decompress;
 mod format;
 mod guard;
 mod lists;
@@ -9,14 +10,17 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
-use parquet::data_type::DataType;
+use parquet::basic::{ConvertedType, LogicalType};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
+use parquet::data_type::{DataType, FixedLenByteArray};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
 
 use self::contents::Place;
 pub(super) use self::contents::{Contents, contents};
 use self::guard::catch_panic;
+use self::pages::Pages;
 use super::file_rows::{FileRow, Wanted};
 use super::problem::{DataError, Fault};
 
@@ -70,7 +74,15 @@ fn broken(path: &Path, why: &str) -> DataError {
 fn failed(path: &Path, error: &ParquetError) -> DataError {
     DataError::Io {
         file: path.display().to_string(),
-        why: format!("{error}"),
+        why: words(error),
+    }
+}
+
+/// An error in words, without the name of the library's type.
+fn words(error: &ParquetError) -> String {
+    match error {
+        ParquetError::General(why) => why.clone(),
+        other => other.to_string(),
     }
 }
 
@@ -113,6 +125,54 @@ fn typed<T: DataType>(
     Ok(out)
 }
 
+/// How the bits of a column are read as numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Plain,
+    /// Integers without a sign, which the file's types lack.
+    Unsigned,
+    /// Integers of so many parts of one, a power of ten.
+    Decimal(f64),
+    /// Half precision, in two bytes.
+    Half,
+}
+
+impl Kind {
+    fn of(column: &ColumnDescriptor) -> Self {
+        match (column.logical_type_ref(), column.converted_type()) {
+            (Some(LogicalType::Float16), _) => Self::Half,
+            (Some(LogicalType::Integer(int)), _) if !int.is_signed => Self::Unsigned,
+            (_, ConvertedType::UINT_32 | ConvertedType::UINT_64) => Self::Unsigned,
+            (Some(LogicalType::Decimal(_)), _) | (_, ConvertedType::DECIMAL) => {
+                Self::Decimal(10_f64.powi(column.type_scale()))
+            }
+            _ => Self::Plain,
+        }
+    }
+
+    fn int32(self, x: i32) -> f64 {
+        match self {
+            Self::Unsigned => f64::from(x.cast_unsigned()),
+            Self::Decimal(parts) => f64::from(x) / parts,
+            _ => f64::from(x),
+        }
+    }
+
+    fn int64(self, x: i64) -> f64 {
+        match self {
+            Self::Unsigned => x.cast_unsigned() as f64,
+            Self::Decimal(parts) => x as f64 / parts,
+            _ => x as f64,
+        }
+    }
+}
+
+/// The number of two bytes in half precision; NaN for other lengths.
+fn half(bytes: &FixedLenByteArray) -> f64 {
+    let bytes = bytes.data().first_chunk::<2>();
+    bytes.map_or(f64::NAN, |bytes| half::f16::from_le_bytes(*bytes).to_f64())
+}
+
 /// The numbers of the next rows; `None` for a column without numbers.
 fn batch(column: &mut Column, rows: usize) -> Result<Option<Entries>, ParquetError> {
     fn of<T: DataType>(
@@ -126,12 +186,15 @@ fn batch(column: &mut Column, rows: usize) -> Result<Option<Entries>, ParquetErr
             None => typed(reader, rows, deepest, number),
         }
     }
-    let kind = (column.width, column.deepest);
+    let (levels, kind) = ((column.width, column.deepest), column.kind);
     Ok(Some(match &mut column.reader {
-        ColumnReader::DoubleColumnReader(r) => of(r, rows, kind, |x| *x)?,
-        ColumnReader::FloatColumnReader(r) => of(r, rows, kind, |x| f64::from(*x))?,
-        ColumnReader::Int32ColumnReader(r) => of(r, rows, kind, |x| f64::from(*x))?,
-        ColumnReader::Int64ColumnReader(r) => of(r, rows, kind, |x| *x as f64)?,
+        ColumnReader::DoubleColumnReader(r) => of(r, rows, levels, |x| *x)?,
+        ColumnReader::FloatColumnReader(r) => of(r, rows, levels, |x| f64::from(*x))?,
+        ColumnReader::Int32ColumnReader(r) => of(r, rows, levels, |x| kind.int32(*x))?,
+        ColumnReader::Int64ColumnReader(r) => of(r, rows, levels, |x| kind.int64(*x))?,
+        ColumnReader::FixedLenByteArrayColumnReader(r) if kind == Kind::Half => {
+            of(r, rows, levels, half)?
+        }
         _ => return Ok(None),
     }))
 }
@@ -139,10 +202,31 @@ fn batch(column: &mut Column, rows: usize) -> Result<Option<Entries>, ParquetErr
 /// A column of the present row group.
 struct Column {
     reader: ColumnReader,
+    kind: Kind,
     /// The length of its lists; `None` for numbers.
     width: Option<usize>,
     /// Its largest definition level, that of entries which are not null.
     deepest: i16,
+}
+
+/// A reader of a column of a row group; the error says what is wrong in words.
+fn column(
+    path: &Path,
+    reader: &SerializedFileReader<File>,
+    group: usize,
+    leaf: usize,
+) -> Result<ColumnReader, String> {
+    let (metadata, file) = (reader.metadata(), File::open(path));
+    let file = file.map_err(|error| error.to_string())?;
+    let size = file.metadata().map_err(|error| error.to_string())?.len();
+    let chunk = metadata
+        .row_groups()
+        .get(group)
+        .and_then(|all| all.columns().get(leaf));
+    let chunk = chunk.ok_or("a row group lacks it")?;
+    let pages = Pages::new(file, size, chunk)?;
+    let found = catch_panic(|| Ok(get_column_reader(chunk.column_descr_ptr(), Box::new(pages))));
+    found.map_err(|error| words(&error))
 }
 
 /// A column of the file that is read, of which several elements may be wanted.
@@ -162,7 +246,7 @@ fn rows(
         file: path.display().to_string(),
         why: format!("{error}"),
     };
-    let mut file = File::open(path).map_err(io)?;
+    let file = File::open(path).map_err(io)?;
     let size = file.metadata().map_err(io)?.len();
     let mut out = Vec::new();
     let mut total = 0_u64;
@@ -178,12 +262,14 @@ fn rows(
                 ),
             ));
         }
-        for Leaf { index, title, .. } in leaves {
+        // of a group without rows, some writers store no page
+        for Leaf { index, title, .. } in leaves.iter().filter(|_| rows > 0) {
             let chunk = group.columns().get(*index);
             let chunk = chunk
                 .ok_or_else(|| broken(path, &format!("a row group has no column `{title}`")))?;
-            let values = pages::values(&mut file, size, chunk)
-                .map_err(|why| broken(path, &format!("column `{title}`: {why}")))?;
+            let values = Pages::new(file.try_clone().map_err(io)?, size, chunk)
+                .and_then(Pages::values)
+                .map_err(|why| broken(path, &in_column(title, &why)))?;
             if values < rows {
                 return Err(unfit(
                     path,
@@ -194,6 +280,10 @@ fn rows(
         out.push(usize::try_from(rows).unwrap_or_default());
     }
     Ok(out)
+}
+
+fn in_column(title: &str, why: &str) -> String {
+    format!("column `{title}`: {why}")
 }
 
 fn unfit(path: &Path, why: String) -> DataError {
@@ -315,16 +405,22 @@ impl ParquetRows {
 
     /// Opens the columns of the next row group.
     fn open_group(&mut self) -> Result<(), DataError> {
-        let wrong = |error: ParquetError| failed(&self.path, &error);
         let schema = self.reader.metadata().file_metadata().schema_descr_ptr();
-        let group = catch_panic(|| self.reader.get_row_group(self.group)).map_err(wrong)?;
         self.columns.clear();
-        for Leaf { index, width, .. } in &self.leaves {
-            let reader = catch_panic(|| group.get_column_reader(*index)).map_err(wrong)?;
+        for Leaf {
+            index,
+            title,
+            width,
+        } in &self.leaves
+        {
+            let reader = column(&self.path, &self.reader, self.group, *index);
+            let reader = reader.map_err(|why| broken(&self.path, &in_column(title, &why)))?;
+            let column = schema.column(*index);
             self.columns.push(Column {
                 reader,
+                kind: Kind::of(&column),
                 width: *width,
-                deepest: schema.column(*index).max_def_level(),
+                deepest: column.max_def_level(),
             });
         }
         Ok(())
@@ -336,7 +432,8 @@ impl ParquetRows {
         self.undecoded -= count;
         self.entries.clear();
         for (column, Leaf { title, .. }) in self.columns.iter_mut().zip(&self.leaves) {
-            let decoded = batch(column, count).map_err(|e| failed(&self.path, &e))?;
+            let decoded = batch(column, count)
+                .map_err(|error| broken(&self.path, &in_column(title, &words(&error))))?;
             let decoded = decoded
                 .ok_or_else(|| unfit(&self.path, format!("column `{title}` holds no numbers")))?;
             if decoded.len() != count.saturating_mul(column.width.unwrap_or(1)) {

@@ -17,7 +17,9 @@ use super::row_cache::{RecordSink, RowCache};
 use super::row_checker::RowChecker;
 use super::run::Run;
 use super::settings::Settings;
+use super::spikes::{SpikeFinder, said_of};
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
+use crate::identify::suspect::Spikes;
 use crate::text;
 use regen_runtime::Info;
 
@@ -43,8 +45,10 @@ pub(super) struct Survey {
     pub(super) extremes: Vec<(f64, f64)>,
     /// The stretches of rows in which an encoder was stuck, by the line of their first row.
     pub(super) stuck: BTreeMap<u64, Vec<Stuck>>,
-    /// The dropouts, by the line of their first row.
+    /// The dropouts, and the spikes of efforts where they are bridged, by the line of their first row.
     pub(super) dropouts: BTreeMap<u64, Vec<Dropout>>,
+    /// The spikes of each effort that has some.
+    pub(super) spikes: Vec<Spikes>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
     /// The rows in which a position is that of a run of outliers, by their lines, with the entry.
@@ -210,6 +214,7 @@ impl LogFile {
         let mut histories = vec![PositionHistory::default(); positions.len()];
         let mut bursts = vec![BurstFinder::default(); positions.len()];
         let mut finder = DropoutFinder::default();
+        let mut spikes = SpikeFinder::new(self.layout.efforts().len());
         let mut rates = Rates::default();
         let velocities = positions.clone().zip(&self.layout.velocities);
         let with_rates: Vec<(usize, usize)> = velocities
@@ -248,10 +253,12 @@ impl LogFile {
                     histories.iter_mut().for_each(PositionHistory::pause);
                     bursts.iter_mut().for_each(BurstFinder::pause);
                     finder.pause();
+                    spikes.pause();
                     rates.pause();
                     accelerations.pause();
                 }
                 finder.push(row.line, &row.values);
+                spikes.push(row.line, time, &row.values[self.layout.efforts()]);
                 last_time = Some(time);
                 let row_positions = &row.values[positions.clone()];
                 for (history, value) in histories.iter_mut().zip(row_positions) {
@@ -334,7 +341,8 @@ impl LogFile {
                 stuck.entry(stretch.first).or_default().push(stretch);
             }
         }
-        let dropouts = self.dropouts(finder.finish(self.layout.efforts()), &mut stuck);
+        let mut dropouts = self.dropouts(finder.finish(self.layout.efforts()), &mut stuck);
+        let spikes = self.spikes(spikes, &mut dropouts);
         let time_steps = times.windows(2).map(|pair| pair[1] - pair[0]);
         let time_steps: Vec<f64> = time_steps.filter(|step| *step > 0.0).collect();
         let raw_step = median(&time_steps);
@@ -363,6 +371,7 @@ impl LogFile {
             extremes,
             stuck,
             dropouts,
+            spikes,
             position_changes,
             off_rows,
             doubted_rate,
@@ -396,6 +405,37 @@ impl LogFile {
             }
         }
         out
+    }
+
+    /// The spikes of each effort that has some. Where a filter runs over gaps, which it would spread the spikes
+    /// over, they are added to the dropouts: the efforts of these rows count as missing.
+    fn spikes(
+        &self,
+        found: SpikeFinder,
+        dropouts: &mut BTreeMap<u64, Vec<Dropout>>,
+    ) -> Vec<Spikes> {
+        let found = found.finish();
+        if self.bridges_spikes() {
+            for (entry, spikes) in self.layout.efforts().zip(&found) {
+                for spike in spikes {
+                    dropouts.entry(spike.line).or_default().push(Dropout {
+                        first: spike.line,
+                        last: spike.line,
+                        entries: vec![entry],
+                        seconds: spike.seconds,
+                        alone: true,
+                    });
+                }
+            }
+        }
+        let each = found.iter().enumerate();
+        each.filter_map(|(effort, own)| said_of(effort, own))
+            .collect()
+    }
+
+    /// Whether spikes of efforts are bridged like dropouts.
+    pub(super) fn bridges_spikes(&self) -> bool {
+        self.bridging.is_some_and(|own| own.interpolates) && !self.used_faults.outliers
     }
 
     fn unfit(&self, why: String) -> DataError {

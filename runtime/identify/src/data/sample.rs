@@ -5,7 +5,6 @@ use super::logs::{Log, Logs};
 use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
-use super::spikes::SpikeFinder;
 use super::stretch::Stretch;
 use crate::identify::suspect::{Measured, STATES, Sample};
 use crate::signals::Method;
@@ -51,19 +50,11 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             .max(1);
         let mut segment = Stretch::default();
         let mut spread = Spread::new(log.file.layout.measured.len());
-        let mut spikes = SpikeFinder::new(log.file.layout.efforts().len());
         let mut place = 0;
-        let mut was_bridged = false;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
-                let was_bridged = core::mem::replace(&mut was_bridged, row.bridged);
                 if !row.bridged {
                     spread.push(log, row);
-                    spikes.push(
-                        row,
-                        &row.values[log.file.layout.efforts()],
-                        follows && !was_bridged,
-                    );
                 }
                 let block = place * count / rows.max(1);
                 let within = place < block * rows / count.max(1) + length;
@@ -77,7 +68,9 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 Ok(())
             })?;
         self.states(log, &mut segment, every, &mut out);
-        out.spikes = spikes.finish();
+        if !log.file.bridges_spikes() {
+            out.spikes.clone_from(&log.survey.spikes);
+        }
         if log.series.is_some() {
             out.series_residuals = spread.relative_residuals();
             let noise = log.encoders.iter().map(|encoder| encoder.noise);

@@ -1,9 +1,8 @@
-//! Finds rows in which an effort jumps and is back in the next row.
+//! Finds rows in which an effort jumps and is back in the next row: spikes, which no drive gives.
 
 use std::collections::VecDeque;
 
 use super::problem::median;
-use super::reader::LogRow;
 use crate::identify::suspect::Spikes;
 
 /// The smallest jump and return of a spike, in median changes between rows: noise has changes of a few.
@@ -19,22 +18,34 @@ const MAX_PART: f64 = 0.05;
 /// Number of changes that their median is taken of.
 const MAX_CHANGES: usize = 16_384;
 /// Number of the largest jumps that are kept, however long the log is; as many spikes are chatter too.
-const MAX_KEPT: usize = 256;
+const MAX_KEPT: usize = 16_384;
+
+/// A row in which an effort is not what acted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Spike {
+    /// The number of the row.
+    pub(super) line: u64,
+    /// The time from the row before to the row after, s.
+    pub(super) seconds: f64,
+    /// The jump, N or N m.
+    size: f64,
+}
 
 /// Looks for spikes in the efforts of rows that come one by one.
+#[derive(Clone, Debug)]
 pub(super) struct SpikeFinder {
     efforts: Vec<Effort>,
     rows: usize,
 }
 
 /// What is known of one effort.
-#[derive(Clone, Default)]
+#[derive(Clone, Debug, Default)]
 struct Effort {
-    /// The last rows without a gap: the value and the row's number.
-    last: VecDeque<(f64, u64)>,
+    /// The last rows without a gap: the value, the time in s and the row's number.
+    last: VecDeque<(f64, f64, u64)>,
     changes: Vec<f64>,
-    /// The sizes of the largest jumps with a return, and their rows.
-    jumps: Vec<(f64, u64)>,
+    /// The largest jumps with a return.
+    jumps: Vec<Spike>,
     first: f64,
     sum: f64,
     squares: f64,
@@ -51,60 +62,65 @@ impl SpikeFinder {
 
     /// Takes the next row.
     ///
-    /// - `values`: its efforts; `follows`: whether no gap is before it.
-    pub(super) fn push(&mut self, row: &LogRow, values: &[f64], follows: bool) {
+    /// - `line`: its number; `time`: s; `values`: its efforts.
+    pub(super) fn push(&mut self, line: u64, time: f64, values: &[f64]) {
         for (own, value) in self.efforts.iter_mut().zip(values) {
             if self.rows == 0 {
                 own.first = *value;
             }
-            if !follows {
-                own.last.clear();
-            }
-            own.push(*value, row.line);
+            own.push((*value, time, line));
         }
         self.rows += 1;
     }
 
-    /// The efforts with spikes.
-    pub(super) fn finish(self) -> Vec<Spikes> {
+    /// Starts anew: the next row does not follow the last one.
+    pub(super) fn pause(&mut self) {
+        self.efforts.iter_mut().for_each(|own| own.last.clear());
+    }
+
+    /// The spikes of each effort, the largest first; none of efforts that have many.
+    pub(super) fn finish(self) -> Vec<Vec<Spike>> {
         let rows = self.rows.max(1) as f64;
-        let one = |(effort, own): (usize, Effort)| {
+        let one = |own: Effort| {
             let spread = (own.squares / rows - (own.sum / rows).powi(2))
                 .max(0.0)
                 .sqrt();
             let least = (MIN_CHANGES * median(&own.changes)).max(MIN_SPREAD_PART * spread);
-            let mut found: Vec<(f64, u64)> = own.jumps;
-            found.retain(|(size, _)| *size > least);
+            let mut found = own.jumps;
+            found.retain(|spike| spike.size > least);
             let is_rare = found.len() < MAX_KEPT && (found.len() as f64) < MAX_PART * rows;
-            let row = found.iter().map(|(_, line)| *line).min()?;
-            is_rare.then_some(Spikes {
-                effort,
-                rows: found.len(),
-                largest: found.iter().fold(0.0, |m: f64, (size, _)| m.max(*size)),
-                row,
-            })
+            if is_rare { found } else { Vec::new() }
         };
-        self.efforts
-            .into_iter()
-            .enumerate()
-            .filter_map(one)
-            .collect()
+        self.efforts.into_iter().map(one).collect()
     }
+}
+
+/// What is said of the spikes of an effort; `None` if there are none.
+///
+/// - `effort`: its index.
+pub(super) fn said_of(effort: usize, spikes: &[Spike]) -> Option<Spikes> {
+    Some(Spikes {
+        effort,
+        rows: spikes.len(),
+        largest: spikes.iter().fold(0.0, |m: f64, own| m.max(own.size)),
+        row: spikes.iter().map(|own| own.line).min()?,
+    })
 }
 
 impl Effort {
     /// Takes the value of the next row, and judges the one in the middle of the last ones.
-    fn push(&mut self, value: f64, line: u64) {
+    fn push(&mut self, row: (f64, f64, u64)) {
+        let value = row.0;
         let off = value - self.first;
         self.sum += off;
         self.squares += off * off;
-        if let Some((last, _)) = self.last.back() {
+        if let Some((last, ..)) = self.last.back() {
             let change = (value - last).abs();
             if change > 0.0 && self.changes.len() < MAX_CHANGES {
                 self.changes.push(change);
             }
         }
-        self.last.push_back((value, line));
+        self.last.push_back(row);
         if self.last.len() > 2 * NEIGHBOURS + 1 {
             self.last.pop_front();
         }
@@ -117,8 +133,10 @@ impl Effort {
         let pairs = self.last.iter().zip(self.last.iter().skip(1));
         let mut changes: Vec<f64> = pairs.map(|(a, b)| b.0 - a.0).collect();
         let own: Vec<f64> = changes.drain(NEIGHBOURS - 1..=NEIGHBOURS).collect();
-        let line = self.last.get(NEIGHBOURS).map(|(_, line)| *line);
-        if let ([there, back], Some(line)) = (&own[..], line)
+        let time = |place: usize| self.last.get(place).map(|row| row.1);
+        let seconds = time(NEIGHBOURS + 1).zip(time(NEIGHBOURS - 1));
+        let line = self.last.get(NEIGHBOURS).map(|row| row.2);
+        if let ([there, back], Some((line, (after, before)))) = (&own[..], line.zip(seconds))
             && there * back < 0.0
         {
             let size = there.abs().min(back.abs());
@@ -127,16 +145,20 @@ impl Effort {
             // another spike near by has two changes
             let usual = changes.iter().rev().nth(2).copied().unwrap_or(0.0);
             if size > MIN_LOCAL_CHANGES * usual {
-                self.keep((size, line));
+                self.keep(Spike {
+                    line,
+                    seconds: after - before,
+                    size,
+                });
             }
         }
     }
 
     /// Keeps a jump if it is one of the largest ones.
-    fn keep(&mut self, jump: (f64, u64)) {
+    fn keep(&mut self, jump: Spike) {
         self.jumps.push(jump);
         if self.jumps.len() >= 2 * MAX_KEPT {
-            self.jumps.sort_by(|a, b| b.0.total_cmp(&a.0));
+            self.jumps.sort_by(|a, b| b.size.total_cmp(&a.size));
             self.jumps.truncate(MAX_KEPT);
         }
     }
@@ -154,14 +176,21 @@ mod tests {
     fn found_in(rows: usize, effort: impl Fn(usize) -> f64) -> Vec<Spikes> {
         let mut finder = SpikeFinder::new(1);
         for k in 0..rows {
-            let row = LogRow {
-                line: k as u64 + 2,
-                values: Vec::new(),
-                bridged: false,
-            };
-            finder.push(&row, &[effort(k)], k > 0 && k != 1000);
+            if k == 1000 {
+                finder.pause();
+            }
+            finder.push(k as u64 + 2, 0.01 * k as f64, &[effort(k)]);
         }
-        finder.finish()
+        let found = finder.finish();
+        assert!(
+            found
+                .iter()
+                .flatten()
+                .all(|own| (own.seconds - 0.02).abs() < 1e-9)
+        );
+        let each = found.iter().enumerate();
+        each.filter_map(|(effort, own)| said_of(effort, own))
+            .collect()
     }
 
     /// A swing with noise.

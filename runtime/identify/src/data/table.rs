@@ -7,7 +7,7 @@ use std::path::Path;
 
 use csv::{Reader, ReaderBuilder};
 
-use super::lines::Place;
+use super::lines::{Limited, Place};
 use super::number;
 use super::start::{self, Row, Start};
 
@@ -83,6 +83,8 @@ pub(super) struct Written {
 const SAMPLE_BYTES: u64 = 1 << 16;
 /// The number of rows among these that are examined.
 const SAMPLE_ROWS: usize = 20;
+/// The largest number of columns.
+const MAX_COLUMNS: usize = 5000;
 
 impl Written {
     /// Finds how a file is written from its first rows.
@@ -127,6 +129,13 @@ impl Written {
         };
         let first = rows.first().map(|row| row.cells.as_slice());
         let first = first.unwrap_or_default();
+        if first.len() > MAX_COLUMNS {
+            let why = format!(
+                "its first row has {} columns or more; the limit is {MAX_COLUMNS}",
+                first.len()
+            );
+            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+        }
         let numbers = |texts: &[String]| {
             texts
                 .iter()
@@ -171,15 +180,15 @@ impl Written {
     }
 
     /// A reader of rows of any length, which ignores comments.
-    pub(super) fn reader(&self, file: File) -> Reader<File> {
+    pub(super) fn reader(&self, file: File) -> Reader<Limited<File>> {
         builder(self.separator.byte(), self.comment)
             .has_headers(false)
-            .from_reader(file)
+            .from_reader(Limited::new(file))
     }
 
     /// A reader of the row of names, which may stand in a comment of MATLAB.
-    pub(super) fn header_reader(&self, file: File) -> Reader<File> {
-        builder(self.separator.byte(), COMMENT).from_reader(file)
+    pub(super) fn header_reader(&self, file: File) -> Reader<Limited<File>> {
+        builder(self.separator.byte(), COMMENT).from_reader(Limited::new(file))
     }
 
     /// The number at the start of a line and its length, see [`number::leading`].
@@ -296,6 +305,16 @@ mod tests {
             assert_eq!(found.start.line + passed as u64, line, "{text}");
             assert_eq!(found.titles, titles, "{text}");
         }
+    }
+
+    #[test]
+    fn more_columns_than_any_log_has_are_refused() {
+        let name = format!("regen-wide-{}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        std::fs::write(&path, "1,".repeat(MAX_COLUMNS)).unwrap();
+        let error = Written::find(&path, Format::default()).unwrap_err();
+        std::fs::remove_file(&path).unwrap();
+        assert!(error.to_string().contains("5001 columns"), "{error}");
     }
 
     #[test]

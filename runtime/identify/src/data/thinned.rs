@@ -7,7 +7,7 @@ use super::problem::DataError;
 use super::reader::LogRow;
 use super::standstill::{Differences, Encoder};
 use crate::intervals::Random;
-use crate::signals::{Butterworth, Method, SignalError};
+use crate::signals::{Butterworth, Method, Sampled, SignalError};
 use regen_runtime::Model;
 
 /// The order of the filter before rows are left out.
@@ -125,6 +125,24 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         self.with_files(files.collect())
     }
 
+    /// The times and the positions of each log in memory, s and rad or m; `None` where one is in pieces.
+    pub(crate) fn positions(&self) -> Option<Vec<Sampled>> {
+        let of_log = |log: &Log| {
+            let [rows] = log.kept.as_deref()? else {
+                return None;
+            };
+            let column = |entry: usize| -> Vec<f64> {
+                let values = rows.iter().filter_map(|row| row.values.get(entry).copied());
+                values.collect()
+            };
+            Some(Sampled {
+                times: column(0),
+                signals: log.file.layout.positions().map(column).collect(),
+            })
+        };
+        self.files.iter().map(of_log).collect()
+    }
+
     /// The noise levels of the columns of motion of each log, in the order of the rows' entries.
     pub(crate) fn noise_levels(&self) -> Vec<Vec<NoiseLevels>> {
         let of_log = |log: &Log| {
@@ -160,9 +178,10 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             && self.files.iter().any(|log| !log.file.layout.derivatives)
     }
 
-    /// Whether gaps or rows that are left out divide a log.
-    pub(crate) fn is_divided(&self) -> bool {
-        self.files.iter().any(|log| log.divided)
+    /// Whether gaps or rows that are left out divide a log, or efforts have spikes: a filter would bridge them.
+    pub(crate) fn has_gaps(&self) -> bool {
+        let mut files = self.files.iter();
+        files.any(|log| log.divided || !log.survey.spikes.is_empty())
     }
 
     fn with_files(&self, files: Vec<Log>) -> Self {

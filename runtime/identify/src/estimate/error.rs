@@ -18,8 +18,14 @@ pub enum EstimateError {
         /// The length that was given.
         got: usize,
     },
-    /// An entry is NaN or infinite; of a factor's parts also: an entry below the diagonal is not
-    /// zero, or the sum of squares is negative.
+    /// A part of a factor has a value that no factor has.
+    Impossible {
+        /// The part, with its row where it has several.
+        what: String,
+        /// The reason.
+        why: &'static str,
+    },
+    /// An entry is NaN or infinite.
     NotFinite {
         /// The name of the matrix or list that contains the entry.
         what: &'static str,
@@ -85,6 +91,7 @@ impl fmt::Display for EstimateError {
             Self::NotFinite { what, row } => {
                 write!(f, "{what}: row {row} holds a value that is not finite")
             }
+            Self::Impossible { what, why } => write!(f, "{what} {why}"),
             Self::Mismatch { what, left, right } => {
                 write!(f, "the {what} differ: {left} and {right}")
             }

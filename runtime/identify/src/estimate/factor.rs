@@ -61,7 +61,16 @@ impl TryFrom<Raw> for QrFactor {
     type Error = EstimateError;
 
     fn try_from(raw: Raw) -> Result<Self, EstimateError> {
-        QrFactor::from_parts(raw.labels, raw.r, raw.z, raw.rss, raw.rows)
+        let factor = QrFactor::from_parts(raw.labels, raw.r, raw.z, raw.rss, raw.rows)?;
+        let is_empty = |all: &[f64]| all.iter().all(|x| *x == 0.0);
+        let empty = is_empty(&factor.r) && is_empty(&factor.z) && factor.rss == 0.0;
+        if factor.rows == 0 && !empty {
+            return Err(EstimateError::Impossible {
+                what: "rows".to_owned(),
+                why: "is 0, and the factor has entries",
+            });
+        }
+        Ok(factor)
     }
 }
 
@@ -110,8 +119,8 @@ impl QrFactor {
     /// diagonal are left as they are.
     ///
     /// # Errors
-    /// When lengths do not fit, an entry is not finite, `r` has entries below its diagonal, or
-    /// `rss` is negative.
+    /// When lengths do not fit, an entry is not finite, `r` has entries other than zero below its
+    /// diagonal, or `rss` is negative.
     pub fn from_parts(
         labels: Vec<String>,
         r: Vec<f64>,
@@ -124,17 +133,27 @@ impl QrFactor {
         size("z", n, z.len())?;
         for (k, value) in r.iter().enumerate() {
             let (column, row) = (k / n, k % n);
-            if !value.is_finite() || row > column && *value != 0.0 {
+            if !value.is_finite() {
                 return Err(EstimateError::NotFinite { what: "r", row });
+            }
+            if row > column && *value != 0.0 {
+                return Err(EstimateError::Impossible {
+                    what: format!("r: the entry {k}, in row {row} and column {column},"),
+                    why: "is below the diagonal and not zero",
+                });
             }
         }
         if let Some(row) = z.iter().position(|value| !value.is_finite()) {
             return Err(EstimateError::NotFinite { what: "z", row });
         }
-        if !rss.is_finite() || rss < 0.0 {
-            return Err(EstimateError::NotFinite {
-                what: "rss",
-                row: 0,
+        if !rss.is_finite() {
+            let (what, row) = ("rss", 0);
+            return Err(EstimateError::NotFinite { what, row });
+        }
+        if rss < 0.0 {
+            return Err(EstimateError::Impossible {
+                what: "rss".to_owned(),
+                why: "is negative",
             });
         }
         Ok(Self {

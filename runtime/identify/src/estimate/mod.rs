@@ -21,6 +21,7 @@ pub(crate) use deviations::SAMPLING;
 pub use deviations::{Between, Deviations};
 pub use error::EstimateError;
 pub use factor::QrFactor;
+pub(crate) use noise::cholesky;
 pub use noise::{Autoregression, ORDER};
 pub(crate) use products::OuterProducts;
 pub(crate) use residuals::bartlett_stretches;

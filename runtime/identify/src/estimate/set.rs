@@ -182,6 +182,11 @@ impl FactorSet {
                 set.format, set.version
             )));
         }
+        for (names, what) in [(&set.efforts[..], "effort"), (set.labels(), "label")] {
+            if let Some(name) = repeated(names) {
+                return Err(FileError(format!("has the {what} `{name}` twice")));
+            }
+        }
         let labels = set.labels();
         let fits = set.factors.len() == set.efforts.len()
             && set.sums.len() == set.efforts.len()
@@ -193,6 +198,12 @@ impl FactorSet {
         }
         Ok(set)
     }
+}
+
+/// A name that is given more than once.
+fn repeated(names: &[String]) -> Option<&String> {
+    let mut seen = std::collections::BTreeSet::new();
+    names.iter().find(|name| !seen.insert(*name))
 }
 
 fn same(what: &'static str, left: &str, right: &str) -> Result<(), EstimateError> {

@@ -16,8 +16,8 @@ use super::psd_completion::near_reference;
 use super::reduced::PseudoInverse;
 use super::verdict::verdict;
 use super::{
-    BaseMap, Body, Check, FeasibilityError, InfeasibilityCertificate, Options, ParameterLayout,
-    Verdict,
+    BaseMap, Body, Check, FeasibilityError, InertialParameters, InfeasibilityCertificate, Options,
+    ParameterLayout, Verdict,
 };
 use crate::estimate::QrFactor;
 
@@ -31,6 +31,9 @@ pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
 /// A safety limit ([`SizeLimit`]) counts as active when lifting it would lower the objective by
 /// more than this fraction of it.
 const MIN_ACTIVE_GAIN: f64 = 1e-6;
+/// A body is at its safety limit if it is larger than this part of it. The choice among parameters that
+/// fit equally well gives up far less than the last tenth of an active limit.
+const MIN_ACTIVE_PART: f64 = 0.9;
 
 /// Whether constraints or priors changed the least-squares solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +89,14 @@ pub struct SizeLimit {
     pub mass: f64,
     /// The radius of gyration at which the inertia counts as much as the mass, m.
     pub length: f64,
+}
+
+impl SizeLimit {
+    /// The size of a body as a part of this limit.
+    fn part(&self, phi: &InertialParameters) -> f64 {
+        let [xx, _, _, yy, _, zz, .., m] = phi;
+        (m + (xx + yy + zz) / (2.0 * self.length * self.length)) / self.mass
+    }
 }
 
 impl PhysicalFit {
@@ -240,7 +251,6 @@ fn fitted(
         }
     };
     let minimum = least(&problem, &inside, central, goal).ok_or_else(no_solution)?;
-    let limited = bodies_at_limit(&problem, layout, &minimum);
     let (x, gap) = if options.rough {
         (minimum.best.x.clone(), minimum.gap.part())
     } else {
@@ -252,6 +262,8 @@ fn fitted(
     let gap = gap + rise.max(0.0) / minimum.gap.value;
     finite("solution", &phi).map_err(|_| no_solution())?;
     let beta = combinations.apply(&phi)?;
+    let sizes = size_limits(&problem, layout);
+    let limited = bodies_at_limit(&problem, layout, &minimum, (&phi, &sizes));
     let fit = PhysicalFit {
         squared_residual: factor.squared_residual(&beta)?,
         beta,
@@ -261,7 +273,7 @@ fn fitted(
         outcome: Outcome::Constrained,
         gap,
         limited,
-        sizes: size_limits(&problem, layout),
+        sizes,
     };
     let central = Some(Central::of(minimum));
     let similar = Similar::new(setting.noise, problem, inside, central);
@@ -346,17 +358,23 @@ fn size_limits(problem: &Problem, layout: &ParameterLayout) -> Vec<SizeLimit> {
     bodies.map(limit).collect()
 }
 
-/// The labels of the bodies whose safety limits are active at the minimum.
+/// The labels of the bodies whose safety limits are active at the minimum, and that have come near them:
+/// duals of a minimum that was not reached say nothing.
+///
+/// - `phi`, `sizes`: the p parameters, SI, and the limit of each body.
 fn bodies_at_limit(
     problem: &Problem,
     layout: &ParameterLayout,
     minimum: &InteriorOutcome,
+    (phi, sizes): (&[f64], &[SizeLimit]),
 ) -> Vec<String> {
     let duals = problem.kinds.iter().zip(&minimum.best.duals);
     let active = duals.filter_map(|(kind, dual)| {
         let Kind::Size(body) = kind else { return None };
         let gain = dual[0][0] * problem.heaviest.get(*body)?;
-        (gain > MIN_ACTIVE_GAIN * minimum.gap.value).then(|| layout.bodies().get(*body))?
+        let (own, limit) = (layout.bodies().get(*body)?, sizes.get(*body)?);
+        let near = limit.part(&own.columns.map(|c| phi[c])) > MIN_ACTIVE_PART;
+        (near && gain > MIN_ACTIVE_GAIN * minimum.gap.value).then_some(own)
     });
     active.map(|body| body.label.clone()).collect()
 }

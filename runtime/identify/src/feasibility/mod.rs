@@ -48,4 +48,5 @@ pub(crate) use known::Known;
 pub use layout::{BaseMap, Body, Check, ParameterLayout, SYMBOLS};
 pub use options::{Bound, Form, Options, Prior, Total};
 pub use output::{bodies_yaml, rust_constants, unit};
+pub(crate) use verdict::physical_range;
 pub use verdict::{InfeasibilityCertificate, Verdict, verdict};

@@ -6,7 +6,7 @@
 
 use pulp::Arch;
 
-use crate::qr_update::{dot, reduce};
+use crate::qr_update::{NOTHING, dot, reduce};
 
 /// An upper triangular matrix R that represents `R^T R`, so that the signs of its rows are arbitrary.
 #[derive(Clone, Debug)]
@@ -113,7 +113,7 @@ fn add_rows(triangle: &mut [f64], n: usize, rows: &mut [f64], first: usize) {
     for k in first..n {
         let at = k - first;
         let tail: f64 = rows.iter().skip(at).step_by(width).map(|x| x * x).sum();
-        if tail == 0.0 {
+        if tail < NOTHING {
             continue;
         }
         let own = &mut triangle[k * n + k..(k + 1) * n];

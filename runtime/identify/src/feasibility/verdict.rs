@@ -4,7 +4,7 @@ use super::error::{finite, size};
 use super::inertia::{ENTRIES, TRIANGLE, eigenvalues, functional};
 use super::least_defect::least_defect;
 use super::program::{Affine, Program};
-use super::{BaseMap, FeasibilityError, ParameterLayout, Scale};
+use super::{BaseMap, Bound, FeasibilityError, Options, ParameterLayout, Scale};
 
 /// A certificate whose defect is only rounding counts as a proof when a robot that escapes it must
 /// be at least this many times as large as the base parameters.
@@ -469,6 +469,47 @@ pub fn verdict(
     Ok(Verdict::Undecided {
         margin: margin_reached,
     })
+}
+
+/// The lowest and the highest value that a linear form in the parameters has for physical robots: 0 and
+/// infinite, or the reverse, where it has one sign.
+pub(crate) fn physical_range(
+    layout: &ParameterLayout,
+    form: &[f64],
+    options: &Options,
+) -> (f64, f64) {
+    let units = layout.units(options.scale);
+    let scaled: Vec<f64> = form.iter().zip(&units).map(|(f, unit)| f * unit).collect();
+    let size = scaled.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let at = |k: usize| scaled.get(k).copied().unwrap_or_default();
+    let free = |k: &usize| {
+        let own = |b: &&Bound| layout.labels().get(*k) == Some(&b.parameter);
+        let own = options.bounds.iter().find(own);
+        layout.any_sign().contains(k) || own.is_some_and(|b| b.lowest < 0.0)
+    };
+    let singles = || layout.single().iter().chain(layout.any_sign());
+    let is_positive = |sign: f64| {
+        let bodies = layout.bodies().iter();
+        let of_bodies =
+            bodies.map(|b| eigenvalues(&functional(&b.columns.map(|k| sign * at(k))))[0]);
+        let of_singles = singles().map(|k| {
+            if free(k) {
+                -at(*k).abs()
+            } else {
+                sign * at(*k)
+            }
+        });
+        let least = of_bodies.chain(of_singles).fold(0.0, f64::min);
+        least >= -REPRODUCTION_TOLERANCE * size
+    };
+    let end = |sign: f64| {
+        if is_positive(-sign) {
+            0.0
+        } else {
+            sign * f64::INFINITY
+        }
+    };
+    (end(-1.0), end(1.0))
 }
 
 /// Whether a certificate for these base parameters counts as a proof.

@@ -15,6 +15,13 @@ pub enum FileError {
     /// The content is neither a file of identified parameters, for this reason, nor an object of
     /// labels with numbers.
     NoParameters(String),
+    /// A part of the file is none that belongs to the model.
+    Content {
+        /// The part, such as `parameters, row 3`.
+        place: String,
+        /// The reason.
+        why: String,
+    },
     /// The parameters belong to another model.
     Digest {
         /// The robot that the file names.
@@ -59,6 +66,7 @@ impl fmt::Display for FileError {
                 "these are parameters of {robot} with the digest {found}, the spec's model has \
                  {expected}: identify again with this spec"
             ),
+            Self::Content { place, why } => write!(f, "{place}: {why}"),
             Self::Covariance => f.write_str(
                 "`covariance` is not a triangle of finite numbers with a row for each of its labels",
             ),

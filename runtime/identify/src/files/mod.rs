@@ -3,6 +3,7 @@
 
 mod constants;
 mod error;
+mod json;
 mod loads;
 mod mistakes;
 mod predictions;
@@ -10,9 +11,9 @@ mod rows;
 mod states;
 mod yaml;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use regen_runtime::BaseModel;
+use regen_runtime::{BaseModel, Info};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -24,7 +25,7 @@ pub use predictions::Predictions;
 pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
 pub use states::{MotionState, State, states};
 
-use crate::feasibility::ParameterLayout;
+use crate::feasibility::{ParameterLayout, unit};
 use crate::identify::digest;
 use crate::model::{IdentifiedModel, Provenance};
 use crate::session::Choice;
@@ -63,8 +64,10 @@ impl Format {
     pub fn value(self, text: &str) -> Result<Value, FileError> {
         match self {
             Self::Yaml => yaml::value(text).map_err(FileError::Syntax),
-            Self::Json => serde_json::from_str(text)
-                .map_err(|error| FileError::Syntax(format!("not JSON: {error}"))),
+            Self::Json => json::value(text).map_err(|error| {
+                let kind = if error.is_data() { "" } else { "not JSON: " };
+                FileError::Syntax(format!("{kind}{error}"))
+            }),
         }
     }
 
@@ -81,6 +84,29 @@ impl Format {
                 .map_err(|error| FileError::Syntax(error.to_string())),
         }
     }
+}
+
+/// Refuses pipes and devices, before they are opened: they may never end, and cannot be read twice. For
+/// logs, and for every file that another one names.
+///
+/// # Errors
+/// If the file is neither a regular one nor a folder, or does not exist.
+///
+/// ```
+/// use regen_identify::files::require_regular;
+///
+/// assert!(require_regular(&std::env::temp_dir()).is_ok());
+/// # #[cfg(unix)]
+/// assert!(require_regular("/dev/null".as_ref()).is_err());
+/// ```
+pub fn require_regular(path: &std::path::Path) -> std::io::Result<()> {
+    let found = std::fs::metadata(path)?;
+    if found.is_file() || found.is_dir() {
+        return Ok(());
+    }
+    Err(std::io::Error::other(
+        "this is a pipe or a device, which can be read only once or never ends: save it as a file",
+    ))
 }
 
 /// The content of a file of identified parameters. All lists belong to the adopted model, except
@@ -247,6 +273,109 @@ struct FileContent {
 struct ReadRow {
     label: String,
     value: f64,
+    #[serde(default)]
+    unit: Option<String>,
+}
+
+/// The keys of a file.
+const KEYS: [&str; 19] = [
+    "robot",
+    "model",
+    "method",
+    "logs",
+    "date",
+    "filter",
+    "feasibility",
+    "gap",
+    "confidence",
+    "deviations",
+    "parameters",
+    "least_squares",
+    "friction",
+    "gains",
+    "payloads",
+    "covariance",
+    "physical",
+    "bodies",
+    "joints",
+];
+
+fn wrong(place: &str, why: String) -> FileError {
+    FileError::Content {
+        place: place.to_owned(),
+        why,
+    }
+}
+
+/// Refuses names that are given twice or are none of the known ones.
+fn require_names<'a>(
+    list: &str,
+    names: impl Iterator<Item = &'a str>,
+    known: &[&str],
+    robot: &str,
+) -> Result<(), FileError> {
+    let mut seen = BTreeSet::new();
+    for (k, name) in names.enumerate() {
+        let place = format!("{list}, row {}", k + 1);
+        if !seen.insert(name) {
+            return Err(wrong(&place, format!("`{name}` is given twice")));
+        }
+        if !known.contains(&name) {
+            let why = format!(
+                "`{name}` is none of {robot}'s: there are {}",
+                known.join(", ")
+            );
+            return Err(wrong(&place, why));
+        }
+    }
+    Ok(())
+}
+
+impl FileContent {
+    /// Refuses keys, names and units that are not those of the model.
+    fn require_fits(
+        &self,
+        value: &Value,
+        info: &Info<'_>,
+        [base, all]: [&[&str]; 2],
+    ) -> Result<(), FileError> {
+        let mut keys = value
+            .as_object()
+            .into_iter()
+            .flat_map(serde_json::Map::keys);
+        if let Some(key) = keys.find(|key| !KEYS.contains(&key.as_str())) {
+            return Err(wrong(
+                key,
+                "files of parameters have no such key".to_owned(),
+            ));
+        }
+        if self.robot != info.name {
+            let why = format!(
+                "is `{}`, and the spec's robot is `{}`",
+                self.robot, info.name
+            );
+            return Err(wrong("robot", why));
+        }
+        for (list, rows, known) in [
+            ("parameters", &self.parameters, base),
+            ("physical", &self.physical, all),
+        ] {
+            let labels = rows.iter().map(|row| row.label.as_str());
+            require_names(list, labels, known, info.name)?;
+            for (k, row) in rows.iter().enumerate() {
+                let own = unit(&row.label, info);
+                if let Some(given) = row.unit.as_ref().filter(|given| *given != own) {
+                    let place = format!("{list}, row {}", k + 1);
+                    let why = format!("the unit of `{}` is `{own}` and not `{given}`", row.label);
+                    return Err(wrong(&place, why));
+                }
+            }
+        }
+        let joints = self.friction.iter().map(|row| row.joint.as_str());
+        require_names("friction", joints, info.coordinates, info.name)?;
+        let efforts = self.gains.iter().map(|row| row.effort.as_str());
+        require_names("gains", efforts, info.coordinates, info.name)
+    }
 }
 
 impl IdentifiedModel {
@@ -254,7 +383,8 @@ impl IdentifiedModel {
     /// of all parameters, or of all base parameters, as keys and SI values.
     ///
     /// # Errors
-    /// [`FileError::Digest`] for parameters of another model; [`FileError::Missing`] for missing
+    /// [`FileError::Digest`] for parameters of another model; [`FileError::Content`] for a name that is
+    /// given twice or that the model does not have, or another unit; [`FileError::Missing`] for missing
     /// values; [`FileError::NoParameters`] for other content; [`FileError::Friction`] and
     /// [`FileError::Covariance`] for friction or a covariance that cannot be read.
     ///
@@ -270,7 +400,7 @@ impl IdentifiedModel {
     /// let text = r#"{"Izz(1)": 0.1, "mx(1)": 0.5}"#;
     /// let identified = IdentifiedModel::read(&Format::Json.value(text)?, &model)?;
     /// assert_eq!(identified.beta, [0.1, 0.5]);
-    /// let short = IdentifiedModel::read(&Format::Json.value(r#"{"none": 1.0}"#)?, &model);
+    /// let short = IdentifiedModel::read(&Format::Json.value(r#"{"Izz(1)": 0.1}"#)?, &model);
     /// assert!(matches!(short, Err(FileError::Missing(_))));
     /// # Ok::<(), FileError>(())
     /// ```
@@ -279,6 +409,10 @@ impl IdentifiedModel {
             name: "identified".to_owned(),
             ..IdentifiedModel::default()
         };
+        let info = model.info();
+        let labels = info.labels();
+        let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
+        let base: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
         let mut physical = BTreeMap::new();
         let values: BTreeMap<String, f64> = match FileContent::deserialize(value) {
             Ok(file) => {
@@ -290,6 +424,7 @@ impl IdentifiedModel {
                         expected: own,
                     });
                 }
+                file.require_fits(value, &info, [&base, &labels])?;
                 identified.name = file.method.unwrap_or(identified.name);
                 identified.provenance = Provenance {
                     model: file.model,
@@ -308,17 +443,24 @@ impl IdentifiedModel {
                 physical = file.physical.into_iter().map(pair).collect();
                 file.parameters.into_iter().map(pair).collect()
             }
-            Err(why) => BTreeMap::deserialize(value)
-                .map_err(|_| FileError::NoParameters(why.to_string()))?,
+            Err(why) => {
+                let values: BTreeMap<String, f64> = BTreeMap::deserialize(value)
+                    .map_err(|_| FileError::NoParameters(why.to_string()))?;
+                let known = |label: &str| labels.contains(&label) || base.contains(&label);
+                if let Some(label) = values.keys().find(|label| !known(label)) {
+                    let why = format!(
+                        "{} has no such parameter; `regen info` lists them",
+                        info.name
+                    );
+                    return Err(wrong(&format!("`{label}`"), why));
+                }
+                values
+            }
         };
-        let info = model.info();
         let all = |values: &BTreeMap<String, f64>, labels: &[&str]| -> Option<Vec<f64>> {
             let values = labels.iter().map(|label| values.get(*label).copied());
             values.collect()
         };
-        let labels = info.labels();
-        let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
-        let base: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
         // a file with `physical` lists base parameters, even if these are all parameters
         if physical.is_empty()
             && let Some(phi) = all(&values, &labels)

@@ -129,11 +129,11 @@ pub fn intervals(
 
     let p = layout.len();
     let base = fit.beta.iter().enumerate();
-    let base = base.map(|(k, value)| drawn.spread(*value, drawn.of_base(k)));
+    let base = base.map(|(k, value)| drawn.base_spread(k, *value));
     let known_ones = determined(combinations, layout, options)?;
     let physical = fit.phi.iter().zip(known_ones).enumerate();
     let physical =
-        physical.map(|(k, (value, known))| known.then(|| drawn.spread(*value, drawn.of_all(k))));
+        physical.map(|(k, (value, known))| known.then(|| drawn.physical_spread(k, *value)));
     // the values of every joint's law, for each draw
     let mut printed: Vec<Vec<Vec<f64>>> = Vec::with_capacity(drawn.phi.len());
     for draw in &drawn.phi {

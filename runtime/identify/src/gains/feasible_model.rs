@@ -5,7 +5,7 @@ use super::linear::Column;
 use super::payload::{InertialParameters, physical_value};
 use super::{GainError, GainFit};
 use crate::feasibility::PhysicalFit;
-use crate::intervals::{Draws, LeastSquares, ProjectedDraws, determined, replicate};
+use crate::intervals::{Draws, LeastSquares, ProjectedDraws, Spread, determined, replicate};
 use crate::model::{Covariance, Gain, IdentifiedModel, IdentifiedPayload, Intervals, PayloadValue};
 use crate::session::{describe_draws, describe_fit, drawn_interval, unbounded};
 
@@ -26,15 +26,17 @@ impl Constrained<'_> {
             0 => None,
             draws => Some(self.drawn(found, state, draws, physical.progress)?),
         };
+        let interval_of = |spread: &dyn Fn(&ProjectedDraws) -> Spread| {
+            drawn_interval(&spread(drawn.as_ref()?), confidence)
+        };
         // an interval of a value, from the value in each draw
         let interval = |value: f64, of: &dyn Fn(&ProjectedDraws) -> Vec<f64>| {
-            let drawn = drawn.as_ref()?;
-            drawn_interval(&drawn.spread(value, of(drawn)), confidence)
+            interval_of(&|drawn| drawn.spread(value, of(drawn)))
         };
         let base = state.x.iter().enumerate().map(|(place, value)| {
             let own = self.places.iter().position(|k| *k == place);
             match own {
-                Some(k) => interval(*value, &|drawn| drawn.of_base(k)),
+                Some(k) => interval_of(&|drawn| drawn.base_spread(k, *value)),
                 // what is known is not changed
                 None => found.model.intervals.base.get(place).copied().flatten(),
             }
@@ -61,7 +63,7 @@ impl Constrained<'_> {
         for (k, place) in self.columns.iter().enumerate() {
             phi[*place] = state.phi[k];
             if is_known[k] {
-                of_all[*place] = interval(state.phi[k], &|drawn| drawn.of_all(k));
+                of_all[*place] = interval_of(&|drawn| drawn.physical_spread(k, state.phi[k]));
             }
         }
         let gains = found.model.gains.iter().map(|gain| {

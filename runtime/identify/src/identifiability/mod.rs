@@ -4,16 +4,31 @@
 //! A parameter is properly identified when its relative standard deviation is below 15 percent and
 //! the parameters are feasible. The chapter reduced the full base (Model 1) to the largest
 //! well-identified set (Model 4) with the help of a simulated robot, and left a reduction "by
-//! statistics and feasibility alone" as future work. [`reduce`] does that.
+//! statistics and feasibility alone" as future work. [`reduce`] does that, as far as the data allow it:
+//! it leaves out what is zero within its errors.
+//!
+//! Deviations of a reduced model by itself would take for certain that what was left out is zero, which
+//! the same data suggested (Freedman, 1983): their intervals contain the truth far too seldom. The
+//! deviations here are those of all parameters, with what the reduction moved as one deviation more.
 
 use core::fmt::{self, Write};
 
-use crate::estimate::{Blocks, Estimate, QrFactor, average_relative_error};
-use crate::feasibility::{BaseMap, FeasibilityError, ParameterLayout, Scale, Verdict, verdict};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+
+use crate::estimate::{Deviations, Estimate, QrFactor, average_relative_error, cholesky};
+use crate::feasibility::{
+    BaseMap, FeasibilityError, MAX_OPTIMAL_GAP, Options, ParameterLayout, Scale, Verdict, identify,
+    verdict,
+};
 
 /// The relative standard deviation in percent below which a parameter counts as well identified
 /// (Khalil and Dombre, 2002; section 5.3).
 pub const WELL_IDENTIFIED_PERCENT: f64 = 15.0;
+
+/// A parameter may be zero if it is within this many of its standard deviations.
+const ZERO_DEVIATIONS: f64 = 2.0;
+/// What chance explains less often than this is significant.
+const SIGNIFICANT: f64 = 0.05;
 
 /// Whether a physical robot has the base parameters of a reduced model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,23 +59,20 @@ pub enum Change {
     Start,
     /// Base parameters were left out because the data do not determine them.
     Undetermined(String),
-    /// A base parameter was left out because its relative standard deviation was the largest.
+    /// A base parameter was left out because it is zero within its errors, with the largest relative
+    /// standard deviation of those that are.
     Uncertain {
         /// Its label.
         label: String,
         /// Its relative standard deviation, percent.
         sigma: f64,
     },
-    /// A base parameter was left out although all were well identified, because they were
-    /// infeasible: in units of its standard deviation it had the largest weight in the proof of
-    /// infeasibility.
-    Unphysical {
-        /// Its label.
-        label: String,
-    },
-    /// A base parameter that had been left out was taken back, because with fewer others it is well
-    /// identified.
+    /// A base parameter that had been left out was taken back, because with fewer others it is not zero
+    /// within its errors.
     Restored(String),
+    /// The base parameters were moved to the physical ones that fit best, because no physical robot had
+    /// them.
+    Physical,
 }
 
 impl fmt::Display for Change {
@@ -72,10 +84,8 @@ impl fmt::Display for Change {
                 write!(f, "without {label}: sigma {sigma:.3} %")
             }
             Self::Uncertain { label, .. } => write!(f, "without {label}: of no known sigma"),
-            Self::Unphysical { label } => {
-                write!(f, "without {label}: it makes the others infeasible")
-            }
             Self::Restored(label) => write!(f, "with {label} again"),
+            Self::Physical => f.write_str("the physical values that fit best"),
         }
     }
 }
@@ -106,8 +116,20 @@ pub struct Step {
     pub condition: f64,
     /// The condition number with columns scaled to unit length (Eq. 27).
     pub scaled_condition: f64,
-    /// The estimate of the base parameters of the model.
+    /// How often chance alone moves the parameters by as much as this model does: those that were left
+    /// out to zero, and all of a model that was made physical. Below 0.05 the model fits significantly
+    /// worse than all parameters do.
+    pub probability: f64,
+    /// The base parameters of the model. Their deviations are those of least squares with all
+    /// parameters, and with the distance from there as one more deviation.
     pub estimate: Estimate,
+}
+
+impl Step {
+    /// Whether the model fits worse than all parameters do by more than chance explains.
+    pub fn is_significantly_worse(&self) -> bool {
+        self.probability < SIGNIFICANT
+    }
 }
 
 /// Computes an error, in percent, of the predictions of all r base parameters.
@@ -125,9 +147,9 @@ pub struct Checks<'a> {
     pub exact: Option<&'a [f64]>,
     /// The units in which the margins of feasibility are measured.
     pub scale: Scale,
-    /// The scores of the factor's rows in order of time, for standard deviations that account for
-    /// the correlation of the residuals. Without them the residuals count as white.
-    pub blocks: Option<&'a Blocks>,
+    /// The deviations of least squares with all base parameters. Without them the residuals count as
+    /// white.
+    pub deviations: Option<&'a Deviations>,
 }
 
 /// The models of a reduction, in the order in which they were tried; the last is the result.
@@ -174,45 +196,119 @@ impl Reduction {
     }
 }
 
-/// The arguments of [`reduce`].
+/// What a reduction starts from.
 struct Search<'a> {
     factor: &'a QrFactor,
     combinations: &'a BaseMap,
     layout: &'a ParameterLayout,
     checks: &'a Checks<'a>,
+    /// The indices of the base parameters that the data determine, ascending.
+    determined: &'a [usize],
+    /// Their least-squares values and deviations.
+    values: &'a [f64],
+    deviations: &'a Deviations,
 }
 
 impl Search<'_> {
-    /// Estimates the model with the base parameters `kept`. Also returns, if it is infeasible, the
-    /// weights of its base parameters in the proof.
-    fn step(
+    fn label(&self, k: usize) -> String {
+        self.combinations
+            .labels()
+            .get(k)
+            .cloned()
+            .unwrap_or_default()
+    }
+
+    /// How often chance alone moves least squares as far: by these changes of some of the determined
+    /// parameters, whatever the others do. By Wald's test.
+    ///
+    /// - `changes`: of determined parameters, each with its place among them.
+    fn probability(&self, changes: &[(usize, f64)]) -> f64 {
+        let (n, m) = (self.determined.len(), changes.len());
+        if m == 0 {
+            return 1.0;
+        }
+        let root = self.deviations.root();
+        let entry = |a: usize, b: usize| -> f64 {
+            let columns = root.chunks_exact(n);
+            columns.map(|column| column[a] * column[b]).sum()
+        };
+        let pairs = changes
+            .iter()
+            .flat_map(|(a, _)| changes.iter().map(|(b, _)| entry(*a, *b)));
+        let Some(l) = cholesky(&pairs.collect::<Vec<f64>>(), m) else {
+            return 0.0;
+        };
+        let mut wald = 0.0;
+        let mut side: Vec<f64> = changes.iter().map(|(_, change)| *change).collect();
+        for (k, column) in l.chunks_exact(m).enumerate() {
+            let own = side[k] / column[k];
+            wald += own * own;
+            for (x, l) in side.iter_mut().zip(column).skip(k + 1) {
+                *x -= own * l;
+            }
+        }
+        let freedom = self.deviations.joint_degrees_of_freedom();
+        FisherSnedecor::new(m as f64, freedom).map_or(0.0, |f| f.sf(wald / m as f64))
+    }
+
+    /// How often chance alone makes least squares find all of these base parameters when they are zero.
+    fn probability_of_zero(&self, out: &[usize]) -> f64 {
+        let places = out
+            .iter()
+            .filter_map(|k| self.determined.iter().position(|d| d == k));
+        let changes: Vec<(usize, f64)> = places.map(|place| (place, self.values[place])).collect();
+        self.probability(&changes)
+    }
+
+    /// The model with the base parameters `kept` by least squares.
+    fn step(&self, kept: Vec<usize>, change: Change) -> Result<Step, FeasibilityError> {
+        let selected = self.factor.select(&kept)?;
+        let values = Estimate::of(&selected)?.values;
+        let combinations = self.combinations.select(&kept)?;
+        let judged = verdict(self.layout, &combinations, &values, self.checks.scale)?;
+        let feasibility = match judged {
+            Verdict::Feasible { .. } => Feasibility::Feasible,
+            Verdict::Undecided { .. } => Feasibility::Undecided,
+            Verdict::Infeasible { .. } => Feasibility::Infeasible,
+        };
+        let left_out = |k: &&usize| !kept.contains(k);
+        let out: Vec<usize> = self.determined.iter().filter(left_out).copied().collect();
+        let probability = self.probability_of_zero(&out);
+        self.with_values(kept, values, change, (feasibility, probability))
+    }
+
+    /// The model with these values of the base parameters `kept`.
+    fn with_values(
         &self,
         kept: Vec<usize>,
+        values: Vec<f64>,
         change: Change,
-    ) -> Result<(Step, Option<Vec<f64>>), FeasibilityError> {
+        (feasibility, probability): (Feasibility, f64),
+    ) -> Result<Step, FeasibilityError> {
         let selected = self.factor.select(&kept)?;
         let mut estimate = Estimate::of(&selected)?;
-        if let Some(blocks) = self.checks.blocks {
-            // the residuals of this model include the effect of the parameters that are left out
-            let deviations = blocks.deviations(&selected, &kept, &estimate.values, 1.0)?;
-            estimate = estimate.with_deviations(&deviations);
-        }
-        let combinations = self.combinations.select(&kept)?;
-        let decision = verdict(
-            self.layout,
-            &combinations,
-            &estimate.values,
-            self.checks.scale,
-        )?;
-        let (feasibility, weights) = match decision {
-            Verdict::Feasible { .. } => (Feasibility::Feasible, None),
-            Verdict::Undecided { .. } => (Feasibility::Undecided, None),
-            Verdict::Infeasible { certificate } => {
-                (Feasibility::Infeasible, Some(certificate.weights))
+        let (n, m) = (self.determined.len(), kept.len());
+        let place = |k: usize| self.determined.iter().position(|d| *d == k).unwrap_or(0);
+        let places: Vec<usize> = kept.iter().map(|k| place(*k)).collect();
+        let moved: Vec<f64> = places
+            .iter()
+            .zip(&values)
+            .map(|(place, value)| value - self.values[*place])
+            .collect();
+        let mut covariance = vec![0.0; m * m];
+        for (a, column) in covariance.chunks_exact_mut(m.max(1)).enumerate() {
+            for (b, slot) in column.iter_mut().enumerate() {
+                let own = self.deviations.covariance[places[a] * n + places[b]];
+                *slot = own + moved[a] * moved[b];
             }
-        };
-        let certain =
-            (0..kept.len()).filter(|&k| estimate.sigma_percent(k) < WELL_IDENTIFIED_PERCENT);
+        }
+        estimate.covariance = covariance;
+        let freedom = places
+            .iter()
+            .map(|place| self.deviations.degrees_of_freedom[*place]);
+        estimate.parameter_degrees_of_freedom = freedom.collect();
+        estimate.values = values;
+        let certain = (0..m).filter(|&k| estimate.sigma_percent(k) < WELL_IDENTIFIED_PERCENT);
         let well_identified = match feasibility {
             Feasibility::Feasible => certain.count(),
             _ => 0,
@@ -236,7 +332,7 @@ impl Search<'_> {
             }
             None => None,
         };
-        let step = Step {
+        Ok(Step {
             change,
             well_identified,
             feasibility,
@@ -249,29 +345,51 @@ impl Search<'_> {
             average_relative,
             condition: estimate.condition,
             scaled_condition: estimate.scaled_condition,
+            probability,
             kept,
             estimate,
+        })
+    }
+
+    /// The physical base parameters of a model that fit best; `None` if none are found that are proven to.
+    fn physical(&self, last: &Step) -> Result<Option<Step>, FeasibilityError> {
+        let options = Options {
+            scale: self.checks.scale,
+            rough: true,
+            ..Options::default()
         };
-        Ok((step, weights))
+        let combinations = self.combinations.select(&last.kept)?;
+        let selected = self.factor.select(&last.kept)?;
+        let found = match identify(&selected, &combinations, self.layout, &options) {
+            Ok(found) if found.gap <= MAX_OPTIMAL_GAP => found.beta,
+            Ok(_) | Err(FeasibilityError::Solver(_)) => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let all = self.determined.iter().zip(self.values).enumerate();
+        let changes = all.map(|(place, (k, before))| {
+            let own = last.kept.iter().zip(&found).find(|(kept, _)| *kept == k);
+            (place, own.map_or(0.0, |(_, value)| *value) - before)
+        });
+        let probability = self.probability(&changes.collect::<Vec<_>>());
+        let state = (Feasibility::Feasible, probability);
+        let step = self.with_values(last.kept.clone(), found, Change::Physical, state)?;
+        Ok(Some(step))
     }
 }
 
-/// Reduces the base parameters to the largest set found in which each is properly identified.
+/// Leaves out the base parameters that are zero within their errors.
 ///
-/// First it leaves out the base parameters that the data do not determine. Then it leaves out the
-/// parameter with the largest relative standard deviation, one at a time, until all are below
-/// [`WELL_IDENTIFIED_PERCENT`] and together feasible; if all are below but infeasible, it leaves
-/// out the one with the largest weight in the proof of infeasibility. At the end it adds each
-/// parameter that was left out once more, the last one first, and keeps it if all are properly
-/// identified.
+/// First it leaves out those that the data do not determine. Then it leaves out the parameter with the
+/// largest relative standard deviation, one at a time, as long as that is within two of its deviations of
+/// zero and all that were left out are zero together as far as chance explains (Wald's test at 5 percent
+/// with the deviations of all parameters): the fit gets no worse than that. At the end it adds each
+/// parameter that was left out once more, the last one first, and keeps it if it is not zero within its
+/// errors any more. If no physical robot has the result, it ends with the physical values that fit best.
 ///
 /// A base parameter that is left out is zero in the forces, as in the chapter's Models 2 to 4; the
 /// verdict of feasibility leaves it free.
 ///
 /// - `factor`: over the r base parameters of `combinations`, with rows weighted by 1/sigma.
-///
-/// The standard deviations are those of each reduced model; they account for the correlation of its
-/// residuals if [`Checks::blocks`] is given.
 ///
 /// # Errors
 /// When sizes do not fit, or the rows are too few for any estimate.
@@ -295,15 +413,9 @@ pub fn reduce(
     fits("combinations", combinations.labels().len())?;
     fits("exact", checks.exact.map_or(r, <[f64]>::len))?;
     fits("other", checks.other.map_or(r, QrFactor::columns))?;
-    let search = Search {
-        factor,
-        combinations,
-        layout,
-        checks,
-    };
-    let label = |k: usize| combinations.labels()[k].clone();
+    let of = |d: &Deviations| d.degrees_of_freedom.len();
+    fits("deviations", checks.deviations.map_or(r, of))?;
     let mut kept: Vec<usize> = (0..r).collect();
-    let mut out: Vec<usize> = Vec::new();
     let mut undetermined = Vec::new();
     loop {
         let spectrum = factor.select(&kept)?.spectrum()?;
@@ -315,74 +427,79 @@ pub fn reduce(
         };
         undetermined.push(kept.remove(place));
     }
-    let mut steps = Vec::new();
-    let mut change = match undetermined.first() {
-        None => Change::Start,
-        Some(_) => Change::Undetermined(
-            undetermined
-                .iter()
-                .map(|k| label(*k))
-                .collect::<Vec<_>>()
-                .join(", "),
-        ),
+    if kept.is_empty() {
+        return Ok(Reduction { steps: Vec::new() });
+    }
+    let estimate = Estimate::of(&factor.select(&kept)?)?;
+    let deviations = match checks.deviations {
+        Some(all) if undetermined.is_empty() => all.clone(),
+        _ => Deviations::white(&estimate),
     };
-    while !kept.is_empty() {
-        let (step, weights) = search.step(kept.clone(), change)?;
-        let sigma = |k: usize| step.estimate.sigma_percent(k);
-        // a value of exactly zero has no relative standard deviation: it counts as the least
-        // certain
+    let determined = kept.clone();
+    let search = Search {
+        factor,
+        combinations,
+        layout,
+        checks,
+        determined: &determined,
+        values: &estimate.values,
+        deviations: &deviations,
+    };
+    let change = if undetermined.is_empty() {
+        Change::Start
+    } else {
+        let labels = undetermined.iter().map(|k| search.label(*k));
+        Change::Undetermined(labels.collect::<Vec<_>>().join(", "))
+    };
+    let mut last = search.step(kept, change)?;
+    let mut steps = Vec::new();
+    let mut out: Vec<usize> = Vec::new();
+    while last.kept.len() > 1 {
+        let found = &last.estimate;
+        let is_zero = |k: &usize| {
+            let value = found.values.get(*k).copied().unwrap_or(f64::NAN);
+            value.abs() < ZERO_DEVIATIONS * found.sigma(*k)
+        };
+        // a value of exactly zero has no relative deviation: it counts as the least certain
         let uncertainty = |k: usize| {
-            if sigma(k).is_nan() {
-                f64::INFINITY
-            } else {
-                sigma(k)
-            }
+            let own = found.sigma_percent(k);
+            if own.is_nan() { f64::INFINITY } else { own }
         };
-        let worst = (0..kept.len()).max_by(|a, b| uncertainty(*a).total_cmp(&uncertainty(*b)));
-        let place = match (worst, &weights) {
-            (Some(k), _) if uncertainty(k) >= WELL_IDENTIFIED_PERCENT => {
-                change = Change::Uncertain {
-                    label: label(kept[k]),
-                    sigma: uncertainty(k),
-                };
-                Some(k)
-            }
-            (_, Some(weights)) => {
-                let part = |k: usize| (weights[k] * step.estimate.sigma(k)).abs();
-                let most = (0..kept.len()).max_by(|a, b| part(*a).total_cmp(&part(*b)));
-                if let Some(k) = most {
-                    change = Change::Unphysical {
-                        label: label(kept[k]),
-                    };
-                } else {
-                    change = Change::Start;
-                }
-                most
-            }
-            _ => {
-                change = Change::Start;
-                None
-            }
+        let mut candidates: Vec<usize> = (0..last.kept.len()).filter(is_zero).collect();
+        candidates.sort_by(|a, b| uncertainty(*b).total_cmp(&uncertainty(*a)));
+        let may_go = |place: &usize| {
+            let together: Vec<usize> = out.iter().chain(last.kept.get(*place)).copied().collect();
+            search.probability_of_zero(&together) >= SIGNIFICANT
         };
-        steps.push(step);
-        match place {
-            Some(k) => out.push(kept.remove(k)),
-            None => break,
-        }
+        let Some(place) = candidates.into_iter().find(may_go) else {
+            break;
+        };
+        let mut kept = last.kept.clone();
+        let gone = kept.remove(place);
+        let change = Change::Uncertain {
+            label: search.label(gone),
+            sigma: uncertainty(place),
+        };
+        out.push(gone);
+        let next = search.step(kept, change)?;
+        steps.push(core::mem::replace(&mut last, next));
     }
     // the parameter that was left out last is tried first
     for candidate in out.into_iter().rev() {
-        let Some(last) = steps.last() else { break };
-        if last.feasibility != Feasibility::Feasible {
-            break;
-        }
         let mut more = last.kept.clone();
         more.push(candidate);
         more.sort_unstable();
-        let (step, _) = search.step(more, Change::Restored(label(candidate)))?;
-        if step.well_identified == step.kept.len() {
-            steps.push(step);
+        let place = more.iter().position(|k| *k == candidate).unwrap_or(0);
+        let step = search.step(more, Change::Restored(search.label(candidate)))?;
+        if step.estimate.sigma_percent(place) < 100.0 / ZERO_DEVIATIONS {
+            steps.push(core::mem::replace(&mut last, step));
         }
     }
+    let physical = match last.feasibility {
+        Feasibility::Infeasible => search.physical(&last)?,
+        Feasibility::Feasible | Feasibility::Undecided => None,
+    };
+    steps.push(last);
+    steps.extend(physical);
     Ok(Reduction { steps })
 }

@@ -93,6 +93,13 @@ pub struct Delays {
     /// The same of the error of the common delay, where all efforts are as late.
     #[serde(skip)]
     pub common_change: Vec<f64>,
+    /// By how much the delays that the equations may still have move the parameters, SI; empty where there are
+    /// none.
+    #[serde(skip)]
+    pub left_change: Vec<f64>,
+    /// By how much a second of the delay of each effort moves the parameters, SI.
+    #[serde(skip)]
+    pub slopes: Vec<Vec<f64>>,
 }
 
 impl Delays {
@@ -100,6 +107,37 @@ impl Delays {
     pub(super) fn may_be_more_than_chance(&self) -> bool {
         let mut all = self.efforts.iter().chain(&self.common);
         all.any(Delay::may_be_more_than_chance)
+    }
+
+    /// Whether any delay is more than chance.
+    pub fn are_significant(&self) -> bool {
+        let mut all = self.efforts.iter().chain(&self.common);
+        all.any(Delay::is_significant)
+    }
+
+    /// Finds by how much the delays that are left move the parameters: the significant ones of efforts, and of
+    /// the efforts that have no own the common one, less what chance gives.
+    pub(super) fn sum_up(&mut self) {
+        let beyond = |own: &Delay| {
+            let square = own.seconds * own.seconds - own.sigma * own.sigma;
+            square.max(0.0).sqrt().copysign(own.seconds)
+        };
+        let common = self.common.as_ref().filter(|own| own.slower.is_none());
+        let common = common.map_or(0.0, beyond);
+        let mut change = Vec::new();
+        for (own, slopes) in self.efforts.iter().zip(&self.slopes) {
+            let seconds = if own.is_significant() {
+                own.seconds
+            } else {
+                common
+            };
+            change.resize(slopes.len(), 0.0);
+            for (sum, slope) in change.iter_mut().zip(slopes) {
+                *sum += slope * seconds;
+            }
+        }
+        let is_late = change.iter().any(|x| *x != 0.0);
+        self.left_change = if is_late { change } else { Vec::new() };
     }
 
     /// Compares each delay with that of slower motion. Where the common one is contradicted, so is every
@@ -287,14 +325,24 @@ impl DelayScores<'_> {
         let found: Vec<Delay> = self.names.iter().enumerate().map(one).collect();
         let common = common(&found, &entry);
         let sigma = common.as_ref().map_or(0.0, |own| own.sigma);
-        let (changes, common_change) = moved(&fit, n, &entry, sigma).unwrap_or_default();
+        let moved = moved(&fit, n, &entry, sigma).unwrap_or_default();
         Delays {
             efforts: found,
             common,
-            changes,
-            common_change,
+            changes: moved.errors,
+            common_change: moved.common,
+            left_change: Vec::new(),
+            slopes: moved.slopes,
         }
     }
+}
+
+/// By how much delays move the parameters, see [`Delays`].
+#[derive(Default)]
+struct Moved {
+    errors: Vec<Vec<f64>>,
+    common: Vec<f64>,
+    slopes: Vec<Vec<f64>>,
 }
 
 /// By how much the errors of delays move the n parameters: one change for each effort, independent of each
@@ -305,7 +353,7 @@ fn moved(
     n: usize,
     covariance: &dyn Fn(usize, usize) -> f64,
     common: f64,
-) -> Option<(Vec<Vec<f64>>, Vec<f64>)> {
+) -> Option<Moved> {
     let size = fit.columns();
     let r = DMatrix::from_column_slice(size, size, fit.r());
     let efforts = size.checked_sub(n)?;
@@ -331,7 +379,12 @@ fn moved(
         .flatten()
         .chain(all.iter())
         .all(|x| x.is_finite());
-    is_finite.then(|| (changes, all.iter().copied().collect()))
+    let columns = slopes.column_iter();
+    is_finite.then(|| Moved {
+        errors: changes,
+        common: all.iter().copied().collect(),
+        slopes: columns.map(|own| own.iter().copied().collect()).collect(),
+    })
 }
 
 /// The mean of the delays, each weighted by the inverse of its variance, with the standard

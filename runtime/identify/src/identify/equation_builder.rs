@@ -54,6 +54,23 @@ pub enum EquationKind {
 }
 
 impl EquationKind {
+    /// The kind of a name in files; `None` if there is none.
+    ///
+    /// ```
+    /// use regen_identify::identify::EquationKind;
+    ///
+    /// let kind = EquationKind::Energy { window: 0.5 };
+    /// assert_eq!(EquationKind::of_name(&kind.name()), Some(kind));
+    /// assert_eq!(EquationKind::of_name("energy"), None);
+    /// ```
+    pub fn of_name(name: &str) -> Option<Self> {
+        let window = name.strip_prefix("energy over ");
+        match window.and_then(|rest| rest.strip_suffix(" s")?.parse().ok()) {
+            Some(window) if 0.0 < window && window < f64::INFINITY => Some(Self::Energy { window }),
+            _ => (name == Self::Forces.name()).then_some(Self::Forces),
+        }
+    }
+
     /// The name of the kind in files.
     ///
     /// ```

@@ -75,6 +75,8 @@ pub struct Options {
     /// heteroskedasticity and autocorrelation (HAC): residuals at least as far apart count as
     /// uncorrelated. `None`: the covariance of [`Deviations`].
     pub hac_bandwidth: Option<usize>,
+    /// Whether the delays of efforts behind the motion are estimated too.
+    pub finds_delays: bool,
 }
 
 impl Default for Options {
@@ -84,6 +86,7 @@ impl Default for Options {
             huber: None,
             lags: 20,
             hac_bandwidth: None,
+            finds_delays: true,
         }
     }
 }
@@ -454,8 +457,8 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let means = plain.means();
     let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
-    let mut delays =
-        with_delays.then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
+    let mut delays = (with_delays && options.finds_delays)
+        .then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
     let (errors, noise) = noise_of(replay, options, &estimate, &means, delays.as_mut())?;
     let efforts = errors.efforts();
     // the equations with the weights of the efforts, but without Huber's
@@ -482,6 +485,7 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         if let Some(slower) = delays_of_slower_motion(replay, solved, bandwidth, step) {
             delays.compare(&slower);
         }
+        delays.sum_up();
     }
     let fraction_within_bound = match options.huber {
         Some(_) => psi_sums.fraction_within_bound(),

@@ -1,6 +1,6 @@
-//! Chooses how the positions of logs are differentiated, where no one says how.
+//! Chooses how logs are read and solved, where no one says how.
 //!
-//! The choice is the cutoff of a low-pass filter. Below it least squares loses what the efforts tell,
+//! The first choice is the cutoff of a low-pass filter. Below it least squares loses what the efforts tell,
 //! above it noise of the positions biases the parameters and disturbs the equations. Each cutoff of a
 //! geometric grid is tried on the log itself, at a rate that suits it: the covariance of its estimate
 //! is what noise leaves unknown, and simulation and extrapolation give the bias (errors in variables).
@@ -13,22 +13,29 @@
 //! then falls as slowly as the noise of accelerations grows beside that of the efforts, which is nearly
 //! what generalised least squares would do. On simulated logs it is more accurate at its best cutoff
 //! than the fourth order at its own, and depends less on the cutoff.
+//!
+//! With the filter, measured velocities and Huber's loss are compared with computed ones and squares by the same
+//! errors, and delays of the efforts that are beyond chance are corrected.
 
 use std::borrow::Borrow;
 
 use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 
+use super::alternatives::{
+    HUBER_BOUND, Lateness, lateness, loss_choice, series_choice, velocity_choice,
+};
+use super::delays::{settled_common_delay, settled_delays};
 use super::motion_noise::{NoisyLogs, is_undetermined, rates, size_of, weighted, whole};
 use super::{Session, SessionError};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
 use crate::friction::{nonlinear_joints, with_linear_friction};
-use crate::identify::{self, EquationKind, Options};
+use crate::identify::{self, EquationKind, Identified, Options, Source};
 use crate::signals::{Method, SignalError};
 
 /// The order of the filters that are tried.
-const ORDER: usize = 2;
+pub(super) const ORDER: usize = 2;
 /// Cutoffs of the grid between 1 and 10 Hz; the others are these times powers of ten.
 const DECADE: [f64; 4] = [1.0, 1.8, 3.2, 5.6];
 /// The lowest cutoff has so many periods in the logs.
@@ -46,7 +53,7 @@ const EQUATION_RATE: f64 = 10.0;
 const MAX_ROWS: usize = 1 << 17;
 /// A bias counts as much as a variance if it is half as large as the deviation: an interval that is
 /// moved by more does not hold the truth as often as it says.
-const BIAS_WEIGHT: f64 = 4.0;
+pub(super) const BIAS_WEIGHT: f64 = 4.0;
 /// The square of a difference of two estimates is by chance at most this many times the sum of their
 /// variances.
 const CHANCE: f64 = 4.0;
@@ -54,14 +61,14 @@ const CHANCE: f64 = 4.0;
 const BETTER: f64 = 0.03;
 /// Cutoffs with at most this many times the smallest mean square error may be chosen.
 const AS_GOOD: f64 = 1.7;
-/// Velocities computed from the positions are taken in place of measured ones if their mean square error is
-/// below this part of that of the measured ones.
-const COMPUTED_BELOW: f64 = 0.7;
 /// A filter that leaves more than this many times the residuals that a filter of a higher cutoff leaves bends
 /// the motion: of the same errors it would leave less.
 const BENT: f64 = 1.5;
 /// So many cutoffs in a row that are not better than the best one end the search.
 const PATIENCE: usize = 4;
+/// A higher cutoff with so many times the mean square error of the best one ends it too: noise of the motion
+/// only grows, and its weight in the mean is small.
+const HOPELESS: f64 = 10.0;
 
 /// A cutoff that was tried.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,7 +99,46 @@ pub struct VelocityChoice {
     pub computed: f64,
 }
 
-/// How the positions of logs are differentiated: a zero-phase Butterworth filter.
+/// The Fourier series of a motion that repeats itself beside the chosen filter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct SeriesChoice {
+    /// The frequency of the fundamental, Hz.
+    pub frequency: f64,
+    /// The number of harmonics.
+    pub harmonics: usize,
+    /// Whether the series is used in place of the filter.
+    pub is_used: bool,
+    /// What noise leaves unknown of the predicted efforts and biases with the filter, rms, percent of the efforts.
+    pub filtered: f64,
+    /// What noise leaves unknown of them with the series.
+    pub series: f64,
+}
+
+/// Huber's loss beside squares of the residuals, behind the same filter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct LossChoice {
+    /// The bound of Huber's loss in standard deviations of the residuals; `None` where squares are as good.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub huber: Option<f64>,
+    /// What noise leaves unknown of the predicted efforts and biases with squares, rms, percent of the efforts.
+    pub squares: f64,
+    /// The same with Huber's loss.
+    pub bounded: f64,
+}
+
+/// What is chosen beside the filter and the velocities.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OpenChoices {
+    /// The delays of the efforts behind the motion.
+    pub delays: bool,
+    /// The loss of the residuals.
+    pub loss: bool,
+}
+
+/// How logs are read and equations are solved: a zero-phase Butterworth filter that the positions are
+/// differentiated behind, and what else was chosen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Choice {
@@ -108,19 +154,28 @@ pub struct Choice {
     /// Which velocities are used, where some are measured and those computed determine the parameters too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocities: Option<VelocityChoice>,
+    /// Whether a Fourier series is used in place of the filter, where the motion repeats itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub series: Option<SeriesChoice>,
+    /// The delays of efforts that are significant and corrected, s.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub delays: Vec<(String, f64)>,
+    /// Which loss is used, where residuals are so large that Huber's was tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss: Option<LossChoice>,
     /// All cutoffs that were tried, in rising order.
     #[serde(default)]
     pub candidates: Vec<Candidate>,
 }
 
 impl Choice {
-    /// The settings with this choice; a decimation, an even grid or velocities that are given stay.
+    /// The settings with this choice; a decimation, an even grid, velocities or delays that are given stay.
     #[must_use]
     pub fn applied(&self, settings: &Settings) -> Settings {
         Settings {
             method: self.method(),
             decimation: match settings.decimation {
-                1 => self.decimation,
+                1 => self.equation_decimation(),
                 given => given,
             },
             resample: settings.resample.or(self.resample),
@@ -128,69 +183,225 @@ impl Choice {
                 Some(own) if own.are_computed => settings.measured_rates.or(Some(false)),
                 _ => settings.measured_rates,
             },
+            delays: if settings.delays.is_empty() {
+                self.delays.clone()
+            } else {
+                settings.delays.clone()
+            },
+            are_delays_found: settings.are_delays_found
+                || settings.delays.is_empty() && !self.delays.is_empty(),
             ..settings.clone()
         }
     }
 
-    /// The filter of the equations.
+    /// The bound of Huber's loss, `None` where squares of the residuals are used.
+    pub fn huber(&self) -> Option<f64> {
+        self.loss.and_then(|own| own.huber)
+    }
+
+    /// The same with the filter, for logs of other motions than that of a series.
+    #[must_use]
+    pub fn without_series(&self) -> Self {
+        Self {
+            series: None,
+            ..self.clone()
+        }
+    }
+
+    /// How positions are differentiated: by the series if it is used, else by the filter.
     pub fn method(&self) -> Method {
-        Method::Butterworth {
-            order: self.order,
-            cutoff: self.cutoff,
+        match self.series {
+            Some(own) if own.is_used => Method::Fourier {
+                frequency: own.frequency,
+                harmonics: own.harmonics,
+            },
+            _ => Method::Butterworth {
+                order: self.order,
+                cutoff: self.cutoff,
+            },
+        }
+    }
+
+    /// One of so many equations is used: all of those of a series, which no filter correlates.
+    pub fn equation_decimation(&self) -> usize {
+        match self.method() {
+            Method::Fourier { .. } => 1,
+            _ => self.decimation,
         }
     }
 }
 
 /// The estimate with one cutoff.
-struct Trial {
-    cutoff: f64,
+pub(super) struct Trial {
+    pub(super) cutoff: f64,
     values: Vec<f64>,
     covariance: Vec<f64>,
     /// Independent changes of all values, see [`MotionBias`](super::motion_noise::MotionBias).
     bias: Vec<Vec<f64>>,
-    factor: QrFactor,
+    pub(super) factor: QrFactor,
     /// See [`MotionBias`](super::motion_noise::MotionBias).
     signal: Vec<f64>,
     /// The standard deviation of the residuals of each effort.
     residuals: Vec<f64>,
+    /// The largest residual of all efforts, in standard deviations.
+    pub(super) largest: f64,
     /// Whether an effort has less than three equations for two of the parameters in them: it is fitted with its
     /// noise, which then seems smaller than it is.
     is_scarce: bool,
 }
 
+impl Trial {
+    /// The estimate from a motion without noise.
+    ///
+    /// - `cutoff`: the one that it is compared with, Hz.
+    pub(super) fn of_exact_motion(found: Identified, cutoff: f64) -> Self {
+        Self {
+            cutoff,
+            bias: Vec::new(),
+            signal: found.factor.r().to_vec(),
+            covariance: found.deviations.within_runs().to_vec(),
+            residuals: Vec::new(),
+            largest: 0.0,
+            is_scarce: false,
+            values: found.estimate.values,
+            factor: found.factor,
+        }
+    }
+}
+
 /// The mean squares of the errors of the predicted efforts with one cutoff, in weighted units.
 #[derive(Clone, Copy, Default)]
-struct Errors {
-    variance: f64,
-    bias: f64,
-    apart: f64,
+pub(super) struct Errors {
+    pub(super) variance: f64,
+    pub(super) bias: f64,
+    pub(super) apart: f64,
 }
 
 impl Errors {
-    fn sum(self) -> f64 {
+    pub(super) fn sum(self) -> f64 {
         self.variance + BIAS_WEIGHT * self.bias + self.apart
     }
 }
 
-/// Chooses how the positions of the logs are differentiated; `None` where there is nothing to choose: where
-/// all derivatives are measured, repetitions are averaged, or no cutoff determines the parameters.
+/// Chooses how the logs are read and solved; `None` where no filter is to be chosen: where all derivatives are
+/// measured, repetitions are averaged, or no cutoff determines the parameters.
+///
+/// - `open`: what is chosen too.
 ///
 /// # Errors
 /// When a log cannot be read.
 pub fn chosen<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     runs: &[Run],
+    open: OpenChoices,
 ) -> Result<Option<Choice>, SessionError> {
     if session.reading.period.is_some() || session.kind != EquationKind::Forces {
         return Ok(None);
     }
+    session.watch.phase("choosing a filter");
+    let found = found(session, runs, open);
+    session.watch.finished();
+    found
+}
+
+fn found<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    runs: &[Run],
+    open: OpenChoices,
+) -> Result<Option<Choice>, SessionError> {
     let reading = Settings {
         method: Method::Central,
         decimation: 1,
         ..session.reading.clone()
     };
-    session.watch.phase("choosing a filter");
-    let found = opened(session.model, runs, &reading).and_then(|(opened, mut resample)| {
+    let Some(mut basis) = Basis::opened(session, runs, &reading)? else {
+        return Ok(None);
+    };
+    let mut velocities = None;
+    if reading.measured_rates.is_none()
+        && let Some(without) = basis.logs.without_rates()
+    {
+        velocities = velocity_choice(session, &basis.search, &without)?;
+        if velocities.is_some_and(|own| own.are_computed) {
+            (basis.search, basis.logs) = (search(session, &without)?, without);
+        }
+    }
+    let Some(mut choice) = basis.choice() else {
+        return Ok(None);
+    };
+    choice.velocities = velocities;
+    let late = if open.delays && reading.delays.is_empty() {
+        lateness(session, &basis)?
+    } else {
+        Lateness::None
+    };
+    if late != Lateness::None {
+        let filtered = session.with_reading(choice.applied(&session.reading));
+        let delays = match late {
+            Lateness::Common => settled_common_delay(&filtered, runs)?,
+            _ => settled_delays(&filtered, runs)?,
+        };
+        // late efforts disturb the choice of a cutoff, which is made again without their delays
+        let on_time = Settings {
+            measured_rates: filtered.reading.measured_rates,
+            delays: delays.clone(),
+            ..reading.clone()
+        };
+        if delays.iter().any(|(_, seconds)| *seconds != 0.0)
+            && let Some(again) = Basis::opened(session, runs, &on_time)?
+            && let Some(other) = again.choice()
+        {
+            choice = Choice {
+                velocities,
+                delays,
+                ..other
+            };
+            basis = again;
+        }
+    }
+    if open.loss && session.options.huber.is_none() {
+        let robust = Session {
+            options: Options {
+                huber: Some(HUBER_BOUND),
+                ..session.options
+            },
+            ..session.with_reading(session.reading.clone())
+        };
+        let loss = loss_choice(&robust, &basis)?;
+        if loss.is_some_and(|own| own.huber.is_some()) {
+            basis.search = search(&robust, &basis.logs)?;
+            if let Some(other) = basis.choice() {
+                choice = Choice {
+                    velocities: choice.velocities,
+                    delays: choice.delays,
+                    ..other
+                };
+            }
+        }
+        choice.loss = loss;
+    }
+    if !(choice.huber().is_some() || basis.logs.has_gaps() || choice.resample.is_some()) {
+        choice.series = series_choice(session, runs, &basis, &choice)?;
+    }
+    Ok(Some(choice))
+}
+
+/// Logs in memory, and the cutoffs that were tried on them.
+pub(super) struct Basis<'m, M: BaseModel<f64> + ?Sized> {
+    pub(super) logs: Logs<'m, M>,
+    /// See [`Choice::resample`].
+    resample: Option<f64>,
+    search: Search,
+}
+
+impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
+    /// Reads logs and tries cutoffs on them; `None` where no derivatives are computed.
+    fn opened(
+        session: &Session<'m, M>,
+        runs: &[Run],
+        reading: &Settings,
+    ) -> Result<Option<Self>, SessionError> {
+        let (opened, mut resample) = opened(session.model, runs, reading)?;
         if !opened.is_differentiated() {
             return Ok(None);
         }
@@ -209,99 +420,53 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
             logs = Logs::open(session.model, runs, &even)?.in_memory(MAX_ROWS)?;
             found = search(session, &logs);
         }
-        let mut found = found?;
-        let mut velocities = None;
-        if reading.measured_rates.is_none()
-            && let Some(without) = logs.without_rates()
-        {
-            velocities = velocity_choice(session, &found, &without)?;
-            if velocities.is_some_and(|own| own.are_computed) {
-                (found, logs) = (search(session, &without)?, without);
-            }
-        }
-        Ok(Some((found, logs, resample, velocities)))
-    });
-    session.watch.finished();
-    let Some((search, logs, resample, velocities)) = found? else {
-        return Ok(None);
-    };
-    let Some((cutoff, place)) = search.chosen else {
-        return Ok(None);
-    };
-    let Some(trial) = search.trials.get(place) else {
-        return Ok(None);
-    };
-    let efforts = mean_square(&trial.factor);
-    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
-    let finite = search
-        .trials
-        .iter()
-        .zip(&search.errors)
-        .filter(|(_, own)| own.sum().is_finite());
-    let candidates = finite.map(|(trial, own)| Candidate {
-        cutoff: trial.cutoff,
-        deviation: percent(own.variance),
-        bias: percent(own.bias),
-        apart: percent(own.apart),
-    });
-    let steps = logs.durations();
-    let rate = (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min);
-    Ok(Some(Choice {
-        order: ORDER,
-        cutoff,
-        decimation: whole(rate / (EQUATION_RATE * cutoff)),
-        resample,
-        velocities,
-        candidates: candidates.collect(),
-    }))
-}
-
-/// Compares measured velocities with those computed from the positions, at the chosen cutoff and lower ones,
-/// as long as these are better: differences of positions have more noise at high frequencies; `None` where the computed ones do not determine the parameters.
-///
-/// - `without`: the logs without measured velocities.
-fn velocity_choice<M: BaseModel<f64> + ?Sized>(
-    session: &Session<'_, M>,
-    found: &Search,
-    without: &Logs<'_, M>,
-) -> Result<Option<VelocityChoice>, DataError> {
-    let Some(measured) = found.chosen.and_then(|(_, place)| found.trials.get(place)) else {
-        return Ok(None);
-    };
-    let efforts = mean_square(&measured.factor);
-    let (levels, rate) = (without.noise_levels(), rate_of(without));
-    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
-    let mut best: Option<VelocityChoice> = None;
-    let cutoffs = found.trials.iter().map(|own| own.cutoff);
-    let mut lower: Vec<f64> = cutoffs.filter(|own| *own <= measured.cutoff).collect();
-    lower.reverse();
-    for cutoff in lower {
-        let computed = match trial(session, without, &levels, (cutoff, rate), None) {
-            Ok(found) => found,
-            Err(error) if is_undetermined(&error) => continue,
-            Err(error) => return Err(error),
-        };
-        // positions belong to the geometry: where both differ, the measured velocities are wrong
-        let errors = all_errors(&[&computed, measured], 1);
-        let [computed, measured] =
-            [0, 1].map(|k| errors.get(k).map_or(f64::INFINITY, |own| own.sum()));
-        if !(computed + measured).is_finite() {
-            continue;
-        }
-        let own = VelocityChoice {
-            are_computed: computed < COMPUTED_BELOW * measured,
-            measured: percent(measured),
-            computed: percent(computed),
-        };
-        if best.is_some_and(|best| best.computed <= own.computed) {
-            break;
-        }
-        best = Some(own);
+        Ok(Some(Self {
+            logs,
+            resample,
+            search: found?,
+        }))
     }
-    Ok(best)
+
+    /// The trial with the cutoff that is closest to the chosen one.
+    pub(super) fn trial(&self) -> Option<&Trial> {
+        let (_, place) = self.search.chosen?;
+        self.search.trials.get(place)
+    }
+
+    /// The chosen filter; `None` if no cutoff determines the parameters.
+    fn choice(&self) -> Option<Choice> {
+        let (cutoff, _) = self.search.chosen?;
+        let efforts = mean_square(&self.trial()?.factor);
+        let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+        let pairs = self.search.trials.iter().zip(&self.search.errors);
+        let finite = pairs.filter(|(_, own)| own.sum().is_finite());
+        let candidates = finite.map(|(trial, own)| Candidate {
+            cutoff: trial.cutoff,
+            deviation: percent(own.variance),
+            bias: percent(own.bias),
+            apart: percent(own.apart),
+        });
+        Some(Choice {
+            order: ORDER,
+            cutoff,
+            decimation: whole(self.rate() / (EQUATION_RATE * cutoff)),
+            resample: self.resample,
+            velocities: None,
+            series: None,
+            delays: Vec::new(),
+            loss: None,
+            candidates: candidates.collect(),
+        })
+    }
+
+    /// The lowest rate of the rows of the logs, Hz.
+    pub(super) fn rate(&self) -> f64 {
+        let steps = self.logs.durations();
+        (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min)
+    }
 }
 
-/// Opens logs as they are or, where gaps divide them or prevent that, as a filter would bridge them, on an
+/// Opens logs as they are or, where gaps divide them or prevent that or efforts have spikes, as a filter would bridge them, on an
 /// even grid if need be; returns them with the rate of the grid, Hz.
 fn opened<'m, M: BaseModel<f64> + ?Sized>(
     model: &'m M,
@@ -309,11 +474,11 @@ fn opened<'m, M: BaseModel<f64> + ?Sized>(
     reading: &Settings,
 ) -> Result<(Logs<'m, M>, Option<f64>), DataError> {
     let plain = Logs::open(model, runs, reading);
-    let is_divided = match &plain {
-        Ok(logs) => logs.is_divided(),
+    let has_gaps = match &plain {
+        Ok(logs) => logs.has_gaps(),
         Err(error) => matches!(error, DataError::Problems { .. }),
     };
-    if !is_divided {
+    if !has_gaps {
         return Ok((plain?, None));
     }
     let bridged = Settings {
@@ -359,18 +524,18 @@ fn is_uneven(error: &DataError) -> bool {
 }
 
 /// The lowest rate of the rows of logs, Hz, with three digits.
-fn rate_of<M: BaseModel<f64> + ?Sized>(logs: &Logs<'_, M>) -> f64 {
+pub(super) fn rate_of<M: BaseModel<f64> + ?Sized>(logs: &Logs<'_, M>) -> f64 {
     let steps = logs.durations();
     let rate = (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min);
     format!("{rate:.2e}").parse().unwrap_or(rate)
 }
 
 /// The cutoffs that were tried.
-struct Search {
-    trials: Vec<Trial>,
+pub(super) struct Search {
+    pub(super) trials: Vec<Trial>,
     errors: Vec<Errors>,
     /// The chosen cutoff, Hz, and the index of the closest trial; `None` if no trial succeeded.
-    chosen: Option<(f64, usize)>,
+    pub(super) chosen: Option<(f64, usize)>,
 }
 
 /// Tries cutoffs in rising order, until more of them are not better.
@@ -400,7 +565,14 @@ fn search<M: BaseModel<f64> + ?Sized>(
             errors = all_errors(&trials, best);
             best = lowest(&errors);
         }
-        if trials.len() > best + PATIENCE {
+        let sum = |k: usize| {
+            errors
+                .get(k)
+                .map_or(f64::INFINITY, |own: &Errors| own.sum())
+        };
+        let last = sum(trials.len() - 1);
+        let is_hopeless = last.is_finite() && last > HOPELESS * sum(best);
+        if trials.len() > best + PATIENCE || is_hopeless && trials.len() > best + 1 {
             break;
         }
     }
@@ -427,7 +599,7 @@ fn cutoffs(least: f64, most: f64) -> Vec<f64> {
 ///
 /// - `lower`: that of the next lower cutoff, whose bias is taken where noise of the motion is far too small
 ///   to matter with this one.
-fn trial<M: BaseModel<f64> + ?Sized>(
+pub(super) fn trial<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &Logs<'_, M>,
     levels: &[Vec<NoiseLevels>],
@@ -441,17 +613,8 @@ fn trial<M: BaseModel<f64> + ?Sized>(
     let [every, decimation] = rates(rate, cutoff);
     let thinned = logs.thinned(method, every, decimation)?;
     let mut noisy = NoisyLogs::new(&thinned, levels, cutoff);
-    let options = Options {
-        lags: 1,
-        ..session.options
-    };
-    // friction that is not among the base parameters is linear here
     let is_linear = nonlinear_joints(session.model).is_empty();
-    let found = if is_linear {
-        identify::identify(session.model, session.kind, &options, &mut noisy)?
-    } else {
-        with_linear_friction(session.model, &options, &mut noisy)?
-    };
+    let found = fitted(session, &mut noisy, false)?;
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
     let mut efforts = found.estimate.efforts.iter().zip(&found.contained);
     let is_scarce = efforts.any(|(effort, parameters)| 2 * effort.rows < 3 * parameters);
@@ -466,7 +629,7 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         lower.bias.iter().map(grown).collect()
     } else {
         // Huber's weights are of the equations, those of the bias of the efforts alone
-        let without = options.huber.is_none().then_some(&found.factor);
+        let without = (session.options.huber.is_none()).then_some(&found.factor);
         let found = noisy.bias(without, found.deviations.within_runs(), |logs| {
             weighted(session, &weights, !is_linear, logs)
         });
@@ -482,6 +645,9 @@ fn trial<M: BaseModel<f64> + ?Sized>(
         values: pairs.map(|(x, bias)| x - bias).collect(),
         bias,
         residuals: found.estimate.efforts.iter().map(|own| own.sigma).collect(),
+        largest: (found.errors.iter().zip(&found.estimate.efforts))
+            .map(|(own, fit)| own.largest / fit.sigma)
+            .fold(0.0, f64::max),
         is_scarce,
         covariance: found.deviations.within_runs().to_vec(),
         factor: found.factor,
@@ -489,8 +655,26 @@ fn trial<M: BaseModel<f64> + ?Sized>(
     })
 }
 
+/// Least squares of the rows of logs; friction that is not among the base parameters is linear.
+pub(super) fn fitted<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &mut (impl Source<Error = DataError> + ?Sized),
+    finds_delays: bool,
+) -> Result<Identified, DataError> {
+    let options = Options {
+        lags: 1,
+        finds_delays,
+        ..session.options
+    };
+    if nonlinear_joints(session.model).is_empty() {
+        identify::identify(session.model, session.kind, &options, logs)
+    } else {
+        with_linear_friction(session.model, &options, logs)
+    }
+}
+
 /// The errors of all trials along the motion of the best one.
-fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Errors> {
+pub(super) fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Errors> {
     let Some(own) = trials.get(best).map(T::borrow) else {
         return Vec::new();
     };
@@ -614,7 +798,7 @@ fn central(trials: &[Trial], errors: &[Errors]) -> Option<(f64, usize)> {
 }
 
 /// The mean square of the weighted efforts of a factor.
-fn mean_square(factor: &QrFactor) -> f64 {
+pub(super) fn mean_square(factor: &QrFactor) -> f64 {
     let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
     squares / factor.rows().max(1) as f64
 }
@@ -637,6 +821,7 @@ mod tests {
             signal: factor.r().to_vec(),
             factor,
             residuals: vec![residual],
+            largest: 1.0,
             is_scarce: false,
         }
     }

@@ -16,6 +16,8 @@ const SLACK: f64 = 1e-4;
 /// The part by which the delays of efforts may differ that one cause delays: errors of the model differ
 /// from effort to effort.
 const ONE_CAUSE_PART: f64 = 0.1;
+/// A delay is settled where less of its standard deviation is left of it.
+const SETTLED_DEVIATIONS: f64 = 0.2;
 /// It is taken back wholly where so many standard deviations are left of it.
 const MIN_DEVIATIONS: f64 = 3.0;
 
@@ -174,6 +176,45 @@ pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
         return Ok(found);
     }
     Ok(session.reading.delays)
+}
+
+/// The largest number of rounds of correcting a delay that all efforts share.
+const COMMON_ROUNDS: usize = 4;
+
+/// Estimates the delay that all efforts share; returns it in s for each effort, or nothing where their residuals
+/// are not smaller with it.
+///
+/// # Errors
+/// As [`settled_delays`].
+pub(super) fn settled_common_delay<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &[Run],
+) -> Result<Vec<(String, f64)>, SessionError> {
+    let options = Options {
+        weighting: session.options.weighting,
+        ..Options::default()
+    };
+    let mut session = session.with_reading(session.reading.clone());
+    let (mut delay, mut first, mut found) = (0.0, None, Vec::new());
+    for _ in 0..COMMON_ROUNDS {
+        let identified = identified(&session, &options, &mut session.open(logs)?)?;
+        let sizes = identified.estimate.efforts.iter();
+        let size: f64 = sizes.map(|own| libm::log(own.sigma)).sum();
+        if size > *first.get_or_insert(size) {
+            break;
+        }
+        found.clone_from(&session.reading.delays);
+        let Some(left) = identified.delays.common else {
+            break;
+        };
+        if left.seconds.abs() < SETTLED_DEVIATIONS * left.sigma {
+            break;
+        }
+        delay += left.seconds;
+        let each = identified.delays.efforts.into_iter();
+        session.reading.delays = each.map(|own| (own.effort, delay)).collect();
+    }
+    Ok(found)
 }
 
 /// Identifies base parameters with the delays of the efforts from the equations of motion, as

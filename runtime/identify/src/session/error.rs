@@ -36,6 +36,17 @@ pub enum SessionError {
         /// The digest of the given model.
         expected: String,
     },
+    /// QR factors are none that an observation of the model gives.
+    Origin {
+        /// The index of the factors among those given.
+        place: usize,
+        /// What differs: `robot`, `kind`, `efforts` or `labels`.
+        what: &'static str,
+        /// What the file has.
+        found: String,
+        /// What it has to have.
+        expected: String,
+    },
     /// Delays were to be estimated from energy balances, which do not determine them.
     DelaysFromEnergyBalance,
     /// No base parameter is well identified.
@@ -77,6 +88,15 @@ impl fmt::Display for SessionError {
                 f,
                 "these are factors of {robot} with the digest {found}, the spec's model has \
                  {expected}: observe again with this spec"
+            ),
+            Self::Origin {
+                what,
+                found,
+                expected,
+                ..
+            } => write!(
+                f,
+                "`{what}` is `{found}` and has to be `{expected}`: observe again with this spec"
             ),
             Self::DelaysFromEnergyBalance => {
                 f.write_str("delays are found from the equations of motion, not from energy")

@@ -6,6 +6,7 @@
 //! ([`physical()`], [`reduction()`]) start from it. [`compare()`] and [`cross()`] compute errors of
 //! prediction.
 
+mod alternatives;
 mod choice;
 mod compare;
 mod cross;
@@ -24,7 +25,10 @@ use regen_runtime::BaseModel;
 use crate::data::{DataError, Logs, Run, Settings};
 use crate::identify::{EquationKind, Options};
 
-pub use choice::{Candidate, Choice, VelocityChoice, chosen};
+pub use alternatives::HUBER_BOUND;
+pub use choice::{
+    Candidate, Choice, LossChoice, OpenChoices, SeriesChoice, VelocityChoice, chosen,
+};
 pub use compare::{LogError, compare, residuals_of};
 pub use cross::{CrossValidation, cross};
 pub use delays::{identified, settled_delays, settled_delays_within};
@@ -57,10 +61,12 @@ impl<M: ?Sized> Session<'_, M> {
     /// The same session, in which currents of unknown gain are read in A.
     #[must_use]
     pub fn in_amperes(&self) -> Self {
-        Self {
-            reading: self.reading.clone().with_gains(&[]),
-            ..*self
-        }
+        self.with_reading(self.reading.clone().with_gains(&[]))
+    }
+
+    /// The same session with other settings for reading logs.
+    pub(crate) fn with_reading(&self, reading: Settings) -> Self {
+        Self { reading, ..*self }
     }
 }
 

@@ -7,7 +7,7 @@ use regen_runtime::{BaseModel, Friction, LoopClosure};
 
 use super::{LeastSquaresStart, PriorKnowledge, Session, SessionError};
 use crate::feasibility::{
-    BaseMap, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, PhysicalFit, Scale, Verdict,
+    BaseMap, Body, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, PhysicalFit, Scale, Verdict,
     identify_first, verdict,
 };
 use crate::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
@@ -263,13 +263,28 @@ pub(crate) fn describe_fit(found: &PhysicalFit, layout: &ParameterLayout) -> Str
     };
     let (margin, rise) = (found.check.margin(), 100.0 * found.rise());
     let mut text = format!("{how} (smallest eigenvalue {margin:.2e}, rms residual +{rise:.3} %)");
-    if !found.limited.is_empty() {
-        // writing to a String cannot fail
-        let _ = write!(
-            text,
-            "; the fit wants {} heavier than any robot of this size: bound their masses",
-            found.limited.join(", ")
-        );
+    // a body of little mass reaches its limit by its moments of inertia
+    let is_heavy = |label: &&String| heavy_bodies(found, layout).any(|body| body.label == **label);
+    let (heavier, larger): (Vec<&String>, Vec<&String>) = found.limited.iter().partition(is_heavy);
+    let list = |labels: &[&String]| {
+        labels
+            .iter()
+            .map(|l| l.as_str())
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    for (bodies, than, what) in [
+        (heavier, "heavier", "masses"),
+        (larger, "of larger inertia", "moments of inertia"),
+    ] {
+        if !bodies.is_empty() {
+            // writing to a String cannot fail
+            let _ = write!(
+                text,
+                "; the fit wants {} {than} than any robot of this size: bound their {what}",
+                list(&bodies)
+            );
+        }
     }
     let heavy = heavy(found, layout);
     if !heavy.is_empty() {
@@ -288,23 +303,31 @@ pub(crate) fn describe_fit(found: &PhysicalFit, layout: &ParameterLayout) -> Str
 /// heavy as that: no load or counterweight is.
 const MAX_LIMIT_PART: f64 = 0.1;
 
-/// The labels of masses far above any that the robot can have, without bodies that reach their
-/// limit.
-fn heavy(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<String> {
+/// The bodies whose masses are far above any that the robot can have.
+fn heavy_bodies<'a>(
+    found: &'a PhysicalFit,
+    layout: &'a ParameterLayout,
+) -> impl Iterator<Item = &'a Body> {
     let bodies = layout.bodies().iter().zip(&found.sizes);
     let heavy = bodies.filter(|(body, size)| {
         let mass = body.columns.last().and_then(|c| found.phi.get(*c));
-        !found.limited.contains(&body.label)
-            && mass.is_some_and(|m| *m > MAX_LIMIT_PART * size.mass)
+        mass.is_some_and(|m| *m > MAX_LIMIT_PART * size.mass)
     });
-    heavy
-        .map(|(body, _)| format!("m({})", body.label))
-        .collect()
+    heavy.map(|(body, _)| body)
+}
+
+/// The labels of masses far above any that the robot can have, without bodies that reach their
+/// limit.
+fn heavy(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<String> {
+    let own = heavy_bodies(found, layout).filter(|body| !found.limited.contains(&body.label));
+    own.map(|body| format!("m({})", body.label)).collect()
 }
 
 /// The labels of masses that neither the data nor a meaningful limit bounds.
 pub(crate) fn unbounded(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<String> {
-    let limited = found.limited.iter().map(|body| format!("m({body})"));
+    let is_limited = |body: &&Body| found.limited.contains(&body.label);
+    let limited = heavy_bodies(found, layout).filter(is_limited);
+    let limited = limited.map(|body| format!("m({})", body.label));
     limited.chain(heavy(found, layout)).collect()
 }
 
@@ -330,4 +353,36 @@ pub(super) fn linear_part<M: BaseModel<f64> + ?Sized>(
     let r = model.base_info().base.len().min(values.len());
     let (beta, more) = values.split_at(r);
     (beta.to_vec(), linear(joints, more))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::estimate::QrFactor;
+    use crate::feasibility::{SYMBOLS, identify};
+
+    /// What is asked to be bounded is what grew: the mass for a moment of mass without inertia, the
+    /// inertia for one without mass, and nothing for a fit that needs no limit.
+    #[test]
+    fn the_advice_names_what_has_no_bound() {
+        let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+        let layout = ParameterLayout::new(&labels).unwrap();
+        let said = |observed: [usize; 2], values: [f64; 2]| {
+            let map = BaseMap::identity(&labels).select(&observed).unwrap();
+            let mut factor = QrFactor::new(map.labels().to_vec());
+            factor.push_block(&[1.0, 0.0, 0.0, 1.0], &values).unwrap();
+            let found = identify(&factor, &map, &layout, &Options::default()).unwrap();
+            (describe_fit(&found, &layout), unbounded(&found, &layout))
+        };
+        let (mx, izz, m) = (6, 5, 9);
+        let (text, masses) = said([mx, izz], [0.1, -1.0]);
+        assert!(text.contains("1 heavier than any"), "{text}");
+        assert_eq!(masses, ["m(1)"]);
+        let (text, masses) = said([mx, m], [0.1, -1.0]);
+        assert!(text.contains("1 of larger inertia than any"), "{text}");
+        assert!(!text.contains("masses") && masses.is_empty(), "{text}");
+        let (text, masses) = said([izz, m], [-0.1, 1.0]);
+        assert!(!text.contains("bound") && masses.is_empty(), "{text}");
+    }
 }

@@ -1,11 +1,13 @@
-//! Reduces the base parameters of a start to those that the data determine well.
+//! Reduces the base parameters of a start to those that the data tell from zero.
+
+use std::fmt::Write as _;
 
 use regen_runtime::BaseModel;
 
 use super::{LeastSquaresStart, Session, SessionError};
 use crate::data::{DataError, Run};
 use crate::estimate::{EffortFit, FactorSet, QrFactor};
-use crate::identifiability::{Checks, Reduction, reduce};
+use crate::identifiability::{Change, Checks, Reduction, Step, reduce};
 use crate::identify::{self, EquationKind, NoColumns, Source};
 use crate::model::{IdentifiedModel, Intervals};
 
@@ -69,7 +71,7 @@ pub fn reduction<M: BaseModel<f64> + ?Sized>(
         other: against.as_ref().map(|(factor, _)| factor),
         relative_absolute: predict.as_ref().map(|f| f as _),
         scale: super::physical::scale(model, &layout, &combinations, &factor.solve()?)?,
-        blocks: start.score_blocks.as_ref(),
+        deviations: Some(&start.deviations),
         ..Checks::default()
     };
     Ok(reduce(factor, &combinations, &layout, &checks)?)
@@ -119,17 +121,19 @@ pub fn adopt(
     let step = reduction
         .result()
         .ok_or(SessionError::NoWellIdentifiedParameter)?;
-    let own = Intervals::of(
-        &step.estimate,
-        &step.estimate,
-        confidence,
-        if correlated {
-            "least squares of the parameters that were kept, residuals correlated in time"
-        } else {
-            "least squares of the parameters that were kept, for white residuals"
-        }
-        .to_owned(),
+    let residuals = if correlated {
+        "residuals correlated in time"
+    } else {
+        "for white residuals"
+    };
+    let of_kept = match step.change {
+        Change::Physical => "the physical values of those that were kept that fit best",
+        _ => "least squares of the parameters that were kept",
+    };
+    let method = format!(
+        "{of_kept}, {residuals}; deviations are those of all parameters, with the distance from there"
     );
+    let own = Intervals::of(&step.estimate, &step.estimate, confidence, method);
     let mut beta = vec![0.0; columns];
     let mut intervals = vec![None; columns];
     for (k, place) in step.kept.iter().enumerate() {
@@ -144,11 +148,28 @@ pub fn adopt(
         name: "reduced".to_owned(),
         beta,
         left_out: (0..columns).filter(|k| !step.kept.contains(k)).collect(),
-        feasibility: step.feasibility.to_string(),
+        feasibility: described(step),
         intervals: Intervals {
             base: intervals,
             ..own
         },
         ..IdentifiedModel::default()
     })
+}
+
+/// Describes in words whether a model is feasible, and whether it fits worse than chance explains.
+fn described(step: &Step) -> String {
+    let mut text = step.feasibility.to_string();
+    if step.change == Change::Physical {
+        text.push_str(": the physical values that fit best");
+    }
+    if step.is_significantly_worse() {
+        // writing to a String cannot fail
+        let _ = write!(
+            text,
+            "; all parameters by least squares fit significantly better (probability {:.1e})",
+            step.probability
+        );
+    }
+    text
 }

@@ -123,6 +123,14 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     if session.reading.are_delays_found {
         add_delay_error(&session.reading.delays, &mut identified);
     }
+    let mut late = identified.delays.left_change.clone();
+    if !late.is_empty() {
+        add_change(&late, &mut identified);
+    }
+    if !identified.delays.are_significant() {
+        // what may be chance makes no value biased
+        late.clear();
+    }
     let motion = add_motion_noise(session, logs, &mut identified)?;
     let noise_note = match motion {
         Some((_, is_mentioned)) if is_mentioned => MOTION_NOISE,
@@ -140,6 +148,11 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     };
     let mut start = LeastSquaresStart::of_identified(identified, session.confidence, method);
     start.intervals.bias = motion.map(|(bias, _)| bias).unwrap_or_default();
+    let columns = start.intervals.bias.len().max(late.len());
+    start.intervals.bias.resize(columns, 0.0);
+    for (bias, change) in start.intervals.bias.iter_mut().zip(&late) {
+        *bias = bias.hypot(*change);
+    }
     Ok(LeastSquaresStart {
         kind: kind.name(),
         equations,
@@ -148,7 +161,8 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Adds what the errors of delays that were found from the same logs move to the deviations.
+/// Adds to the deviations what the errors of delays that were found from the same logs move, and what is left of
+/// the delays: those that are no more than chance were not corrected, and may be as large.
 ///
 /// - `delays`: the ones that were found; a single value of all efforts has one cause.
 fn add_delay_error(delays: &[(String, f64)], identified: &mut Identified) {
@@ -157,16 +171,32 @@ fn add_delay_error(delays: &[(String, f64)], identified: &mut Identified) {
     let is_one = delays.len() == found.efforts.len()
         && delays.len() > 1
         && pairs.all(|own| matches!(own, [(_, a), (_, b)] if a.to_bits() == b.to_bits()));
-    let changes = if is_one {
+    let mut changes = if is_one {
         vec![found.common_change.clone()]
     } else {
         found.changes.clone()
     };
-    for change in &changes {
-        identified.deviations = identified.deviations.with_change(change);
-        let blocks = identified.blocks.clone();
-        identified.blocks = blocks.with_change(&identified.factor, change);
+    if !is_one {
+        let mut left = vec![0.0; identified.estimate.values.len()];
+        for (own, slopes) in found.efforts.iter().zip(&found.slopes) {
+            if !own.is_significant() {
+                for (sum, slope) in left.iter_mut().zip(slopes) {
+                    *sum += slope * own.seconds;
+                }
+            }
+        }
+        changes.push(left);
     }
+    for change in &changes {
+        add_change(change, identified);
+    }
+}
+
+/// Adds what something moves, whose size is known and whose sign is not, to the deviations.
+fn add_change(change: &[f64], identified: &mut Identified) {
+    identified.deviations = identified.deviations.with_change(change);
+    let blocks = identified.blocks.clone();
+    identified.blocks = blocks.with_change(&identified.factor, change);
 }
 
 /// Corrects the parameters for what noise of the measured motion biases, and adds the size of the
@@ -246,7 +276,8 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
 /// Solves least squares from the QR factors of one or more logs.
 ///
 /// # Errors
-/// [`SessionError::Digest`] for factors of another model; when the factors do not determine the
+/// [`SessionError::Digest`] for factors of another model, [`SessionError::Origin`] for those that no
+/// observation of this one gives; when the factors do not determine the
 /// parameters.
 pub fn from_factors<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
@@ -262,6 +293,7 @@ pub fn from_factors<M: BaseModel<f64> + ?Sized>(
                 expected: expected_digest,
             });
         }
+        require_origin(session.model, place, set)?;
     }
     let set = FactorSet::merged(sets)?;
     let estimate = Estimate::new(&set, session.options.weighting)?;
@@ -272,6 +304,37 @@ pub fn from_factors<M: BaseModel<f64> + ?Sized>(
         set.combined(&weights)?,
         estimate,
     ))
+}
+
+/// Refuses factors whose robot, kind, efforts or labels are not those of the model's equations.
+fn require_origin<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    place: usize,
+    set: &FactorSet,
+) -> Result<(), SessionError> {
+    let kind = EquationKind::of_name(&set.kind);
+    let expected = EquationBuilder::new(model, kind.unwrap_or_default()).origin();
+    let kinds = "forces` or `energy over 0.5 s".to_owned();
+    let lists = |all: &[String]| all.join(", ");
+    let pairs = [
+        ("robot", set.robot.clone(), expected.robot),
+        (
+            "kind",
+            set.kind.clone(),
+            kind.map_or(kinds, EquationKind::name),
+        ),
+        ("efforts", lists(&set.efforts), lists(&expected.efforts)),
+        ("labels", lists(set.labels()), lists(&expected.labels)),
+    ];
+    match pairs.into_iter().find(|(_, found, own)| found != own) {
+        None => Ok(()),
+        Some((what, found, expected)) => Err(SessionError::Origin {
+            place,
+            what,
+            found,
+            expected,
+        }),
+    }
 }
 
 /// Builds a start whose intervals assume white residuals.

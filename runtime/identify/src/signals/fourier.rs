@@ -258,6 +258,20 @@ impl FourierFit {
         self.waiting = 0;
     }
 
+    /// The same fit with all samples reduced.
+    pub(super) fn reduced(mut self) -> Self {
+        self.flush();
+        self
+    }
+
+    /// The sum of the squared residuals of each signal, of a fit whose samples are reduced.
+    pub(super) fn residual_squares(&self) -> Vec<f64> {
+        let (n, basis) = (self.columns(), 1 + 2 * self.harmonics);
+        let columns = self.r.chunks_exact(n.max(1)).skip(basis);
+        let squares = columns.map(|column| column.iter().skip(basis).map(|x| x * x).sum());
+        squares.collect()
+    }
+
     /// Solves for the series by least squares.
     ///
     /// # Errors

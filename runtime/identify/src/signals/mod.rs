@@ -8,6 +8,7 @@
 mod butterworth;
 mod fourier;
 mod local;
+mod repetition;
 mod smoothing;
 mod window_sums;
 mod windows;
@@ -17,6 +18,8 @@ use core::ops::Range;
 
 pub use butterworth::Butterworth;
 pub use fourier::{Fourier, FourierFit};
+pub use repetition::Repetition;
+pub(crate) use repetition::{Sampled, fitting_series};
 pub use smoothing::Smoothing;
 
 /// How positions are differentiated.

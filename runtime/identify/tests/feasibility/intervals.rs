@@ -7,6 +7,7 @@ use regen_identify::intervals::{Constrained, LeastSquares, constrained};
 use regen_runtime::Friction;
 
 use crate::friction::{plain, simulate};
+use crate::optimum::Random;
 use crate::robots::Robot;
 
 /// Pseudo-random noise, the same on every machine.
@@ -16,6 +17,12 @@ fn noise(t: usize) -> f64 {
 
 /// Observations of a robot's base parameters with noise of this size.
 fn factor(robot: &Robot, size: f64) -> QrFactor {
+    let noisy = |t: usize| size * noise(5 * t + 3);
+    observed(robot, &noisy)
+}
+
+/// Observations with this noise of each row.
+fn observed(robot: &Robot, of_row: &dyn Fn(usize) -> f64) -> QrFactor {
     let labels = robot.combinations.labels();
     let (n, rows) = (labels.len(), 200);
     let w: Vec<f64> = (0..n * rows)
@@ -25,7 +32,7 @@ fn factor(robot: &Robot, size: f64) -> QrFactor {
     let tau: Vec<f64> = (0..rows)
         .map(|t| {
             let exact: f64 = (0..n).map(|j| w[j * rows + t] * beta[j]).sum();
-            exact + size * noise(5 * t + 3)
+            exact + of_row(t)
         })
         .collect();
     let mut factor = QrFactor::new(labels.to_vec());
@@ -93,6 +100,44 @@ fn intervals_at_constraints_contain_the_value_and_satisfy_them() {
     let friction = found.physical[10].as_ref().unwrap();
     let (low, high) = friction.interval(0.95);
     assert!(low > -1e-9 && high > 0.01, "{low} {high}");
+}
+
+/// How many of these logs have an interval that contains the moments of inertia of a body with these,
+/// and the mean length of the intervals relative to those of least squares.
+fn held(moment: f64, logs: u64) -> (usize, f64) {
+    let mut robot = plain();
+    robot.phi[..9].fill(0.0);
+    for k in [0, 3, 5] {
+        robot.phi[k] = moment;
+    }
+    let (mut held, mut lengths) = (0, 0.0);
+    for seed in 0..logs {
+        let noise = std::cell::RefCell::new(Random(900 + seed));
+        let data = observed(&robot, &|_| 1.5 * noise.borrow_mut().signed());
+        let (estimate, found) = fitted(&robot, &data, 40);
+        for k in [0, 3, 5] {
+            let (low, high) = found.base[k].interval(0.95);
+            held += usize::from(low <= moment && moment <= high);
+            lengths += (high - low) / (2.0 * estimate.half_width(k, 0.95));
+            let own = found.physical[k].as_ref().unwrap().interval(0.95);
+            assert!(low >= 0.0 && own.0 >= 0.0);
+            assert!((own.1 - high).abs() < 1e-12, "{own:?} {high}");
+        }
+    }
+    (held, lengths / (3 * logs) as f64)
+}
+
+#[test]
+fn moments_of_inertia_near_their_bound_are_as_often_in_their_intervals_as_others() {
+    let (near, short) = held(0.01, 24);
+    let (far, length) = held(3.0, 24);
+    println!("near {near} {short}, far {far} {length}");
+    assert!(near >= 66 && far >= 66, "of 72: {near} {far}");
+    // no more than least squares, of which the bound cuts a part
+    assert!(
+        short < 0.9 && (0.9..1.2).contains(&length),
+        "{short} {length}"
+    );
 }
 
 #[test]

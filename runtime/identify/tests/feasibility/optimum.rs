@@ -437,3 +437,89 @@ fn bodies_whose_feasible_set_has_no_interior_are_found_on_its_faces() {
     assert!((rod.phi[3] - rod.phi[5]).abs() < 1e-9 && (rod.phi[9] - 3.0).abs() < 1e-4);
     assert!(rod.is_optimal() && rod.check.is_physical());
 }
+
+/// The parameters in the frame of one body that those of a body welded to it add, column by column.
+///
+/// - `placed`: the homogeneous transform from the welded body's frame to that of the other.
+fn carried(placed: &[[f64; 4]; 4]) -> [[f64; 10]; 10] {
+    core::array::from_fn(|k| {
+        let own = regen_identify::feasibility::pseudo_inertia(&core::array::from_fn(|j| {
+            if j == k { 1.0 } else { 0.0 }
+        }));
+        let entry = |a: usize, b: usize| {
+            let pairs = (0..16).map(|i| (i / 4, i % 4));
+            pairs
+                .map(|(c, d)| placed[a][c] * own[c][d] * placed[b][d])
+                .sum::<f64>()
+        };
+        inertial_parameters(&core::array::from_fn(|a| {
+            core::array::from_fn(|b| entry(a, b))
+        }))
+    })
+}
+
+#[test]
+fn welded_bodies_fit_as_well_as_the_one_body_that_they_are() {
+    for seed in 0..6_u64 {
+        let mut random = Random(40 + seed);
+        let bodies = 3 + 4 * usize::try_from(seed).unwrap();
+        let labels: Vec<String> = (1..=bodies)
+            .flat_map(|b| SYMBOLS.iter().map(move |s| format!("{s}({b})")))
+            .collect();
+        let lump = &labels[..10];
+        // all but the first are welded to it
+        let mut rows: Vec<Vec<f64>> = vec![vec![0.0; labels.len()]; 10];
+        for b in 0..bodies {
+            let (sin, cos) = (2.0 * random.signed()).sin_cos();
+            let mut at = || 0.3 * random.signed();
+            let placed = [
+                [cos, -sin, 0.0, at()],
+                [sin, cos, 0.0, at()],
+                [0.0, 0.0, 1.0, at()],
+                [0.0, 0.0, 0.0, 1.0],
+            ];
+            for (k, column) in carried(&placed).iter().enumerate() {
+                for (row, x) in rows.iter_mut().zip(column) {
+                    row[10 * b + k] = *x;
+                }
+            }
+        }
+        for (i, row) in rows.iter_mut().enumerate() {
+            (0..10).for_each(|k| row[k] = f64::from(k == i));
+        }
+        let welded = BaseMap::new(lump.to_vec(), rows).unwrap();
+        let alone = BaseMap::identity(lump);
+        // the values of a body and noise that no body has
+        let truth = random.body(2.0);
+        let mut factor = QrFactor::new(lump.to_vec());
+        for _ in 0..40 {
+            let w: Vec<f64> = (0..10).map(|_| random.signed()).collect();
+            let exact: f64 = w.iter().zip(&truth).map(|(w, x)| w * x).sum();
+            factor
+                .push_block(&w, &[exact + 0.5 * random.signed()])
+                .unwrap();
+        }
+        let fit = |map: &BaseMap, labels: &[String]| {
+            let layout = ParameterLayout::new(labels).unwrap();
+            identify(&factor, map, &layout, &Options::default()).unwrap()
+        };
+        let (one, many) = (fit(&alone, lump), fit(&welded, &labels));
+        assert_eq!(one.outcome, Outcome::Constrained, "{seed}");
+        for found in [&one, &many] {
+            assert!(
+                found.is_optimal() && found.check.is_physical(),
+                "{seed}: {}",
+                found.gap
+            );
+            assert!(found.limited.is_empty(), "{seed}");
+        }
+        let allowed = (one.gap + many.gap) * one.squared_residual;
+        assert!(
+            (one.squared_residual - many.squared_residual).abs() <= allowed,
+            "{seed}"
+        );
+        for (a, b) in one.beta.iter().zip(&many.beta) {
+            assert!((a - b).abs() < 1e-4, "{seed}: {a} {b}");
+        }
+    }
+}

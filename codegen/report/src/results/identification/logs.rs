@@ -80,13 +80,31 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
         0 => "chosen by noise of the motion alone: too few equations".to_owned(),
         count => format!("the mean of {count} cutoffs by their errors:"),
     };
-    let mut out = field(
-        "filter",
-        &format!(
-            "--butterworth {},{} --decimate {}{grid}, {reason}",
-            choice.order, choice.cutoff, choice.decimation,
-        ),
+    let filter = format!(
+        "--butterworth {},{} --decimate {}{grid}",
+        choice.order, choice.cutoff, choice.decimation
     );
+    let mut out = String::new();
+    if let Some(own) = choice.series {
+        let (series, filtered) = (share(own.series), share(own.filtered));
+        let (used, other) = if own.is_used {
+            let used = format!("--fourier {},{}", own.frequency, own.harmonics);
+            (used, format!("the best filter, {filter}, {filtered} %"))
+        } else {
+            ("a filter".to_owned(), format!("a filter {filtered} %"))
+        };
+        out.push_str(&field(
+            "series",
+            &format!(
+                "{used}: the motion repeats itself, and its series leaves an error of {series} % of the \
+                 efforts, {other}"
+            ),
+        ));
+        if own.is_used {
+            return out + &alternatives_text(choice);
+        }
+    }
+    out.push_str(&field("filter", &format!("{filter}, {reason}")));
     let line = |own: &Candidate| {
         let far = if own.apart > 0.0 {
             format!(", and is {} % from that of lower ones", share(own.apart))
@@ -114,6 +132,12 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
     for own in shown.into_iter().filter_map(|k| choice.candidates.get(k)) {
         out.push_str(&field("", &line(own)));
     }
+    out + &alternatives_text(choice)
+}
+
+/// The velocities and the loss that were chosen and why, as lines of text.
+fn alternatives_text(choice: &Choice) -> String {
+    let mut out = String::new();
     if let Some(own) = choice.velocities {
         let (measured, computed) = (share(own.measured), share(own.computed));
         let used = if own.are_computed {
@@ -126,6 +150,19 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
             &format!(
                 "{used}: measured ones leave an error of {measured} % of the efforts, computed ones \
                  {computed} %"
+            ),
+        ));
+    }
+    if let Some(own) = choice.loss {
+        let (squares, bounded) = (share(own.squares), share(own.bounded));
+        let used = own.huber.map_or_else(
+            || "squares".to_owned(),
+            |bound| format!("--huber {bound}, residuals have heavy tails"),
+        );
+        out.push_str(&field(
+            "loss",
+            &format!(
+                "{used}: squares leave an error of {squares} % of the efforts, Huber's loss {bounded} %"
             ),
         ));
     }

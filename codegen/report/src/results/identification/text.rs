@@ -179,7 +179,8 @@ fn parameters(file: &ParameterFile, remedy: Option<&BiasRemedy>) -> String {
         out.push_str(&field("zero", text));
     }
     if file.parameters.iter().any(|p| p.status == Status::Biased) {
-        let text = "noise of the measured motion may move it by more than all other errors do; its sigma \
+        let text = "noise of the measured motion, or a delay that is not corrected, may move it by more than all \
+                    other errors do; its sigma \
                     contains that";
         out.push_str(&field("biased", text));
         if let Some(remedy) = remedy {

@@ -13,9 +13,10 @@ use parquet::column::reader::ColumnReader;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use serde_json::Value;
 
-use super::{ParquetRows, guard::catch_panic, lists, open, unfit};
+use super::{Kind, ParquetRows, column, lists, open, unfit};
 use crate::data::file_rows::Wanted;
 use crate::data::problem::DataError;
+use crate::files::require_regular;
 
 /// The column of the index of the episode.
 const EPISODE: &str = "episode_index";
@@ -58,6 +59,7 @@ impl Info {
         let mut files = folders.map(|folder| folder.join("meta/info.json"));
         let text = files.find_map(|file| {
             let mut text = String::new();
+            require_regular(&file).ok()?;
             let file = File::open(file).ok()?;
             file.take(MAX_INFO_BYTES).read_to_string(&mut text).ok()?;
             Some(text)
@@ -106,14 +108,17 @@ fn title(feature: &str, names: &[String], size: usize, element: usize) -> String
 }
 
 /// The number of elements of the first list of a column; `None` if the list contains no numbers.
-fn first_length(reader: &SerializedFileReader<File>, leaf: usize) -> Option<usize> {
-    let group = catch_panic(|| reader.get_row_group(0)).ok()?;
-    let column = catch_panic(|| group.get_column_reader(leaf)).ok()?;
-    let length = match column {
+fn first_length(path: &Path, reader: &SerializedFileReader<File>, leaf: usize) -> Option<usize> {
+    let schema = reader.metadata().file_metadata().schema_descr();
+    let kind = Kind::of(&schema.column(leaf));
+    let length = match column(path, reader, 0, leaf).ok()? {
         ColumnReader::DoubleColumnReader(mut own) => lists::first_length(&mut own),
         ColumnReader::FloatColumnReader(mut own) => lists::first_length(&mut own),
         ColumnReader::Int32ColumnReader(mut own) => lists::first_length(&mut own),
         ColumnReader::Int64ColumnReader(mut own) => lists::first_length(&mut own),
+        ColumnReader::FixedLenByteArrayColumnReader(mut own) if kind == Kind::Half => {
+            lists::first_length(&mut own)
+        }
         _ => return None,
     };
     length
@@ -129,6 +134,9 @@ pub(in crate::data) fn contents(
     episode: Option<u64>,
 ) -> Result<(Vec<String>, Contents), DataError> {
     let reader = open(path)?;
+    if reader.metadata().file_metadata().num_rows() == 0 {
+        return Err(unfit(path, "it has no rows".to_owned()));
+    }
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let plain = |name: &str| {
         schema
@@ -148,7 +156,7 @@ pub(in crate::data) fn contents(
     for (leaf, column) in schema.columns().iter().enumerate() {
         let name = column.path().string();
         let size = match column.max_rep_level() {
-            1 => first_length(&reader, leaf),
+            1 => first_length(path, &reader, leaf),
             _ => None,
         };
         if let Some(size) = size {

@@ -1,0 +1,236 @@
+//! Compares what a chosen filter does with what else reads and solves the same logs, by the same errors.
+
+use regen_runtime::BaseModel;
+
+use super::choice::{
+    BIAS_WEIGHT, Basis, Choice, LossChoice, ORDER, Search, SeriesChoice, Trial, VelocityChoice,
+    all_errors, fitted, mean_square, rate_of, trial,
+};
+use super::motion_noise::{NoisyLogs, is_undetermined, rates};
+use super::{Session, SessionError};
+use crate::data::{DataError, Logs, Run, Settings};
+use crate::identify::Delay;
+use crate::signals::{Method, SignalError, fitting_series};
+
+/// A Fourier series takes the place of a filter if its mean square error is below this part of the filter's: of a
+/// motion that repeats itself, it loses nothing and keeps no noise.
+const SERIES_BELOW: f64 = 1.0;
+/// Velocities computed from the positions are taken in place of measured ones if their mean square error is
+/// below this part of that of the measured ones.
+const COMPUTED_BELOW: f64 = 0.7;
+/// Huber's loss takes the place of squares if its mean square error is below this part of theirs.
+const ROBUST_BELOW: f64 = 0.7;
+/// Delays of less than this part of the time between rows are not corrected: errors of the derivatives look
+/// like them.
+const MIN_DELAY_ROWS: f64 = 0.02;
+/// Huber's loss is tried where a residual is as many standard deviations large: the largest of ten thousand
+/// normal ones is.
+const HEAVY: f64 = 4.0;
+/// The bound of Huber's loss, in standard deviations: with normal residuals it loses 5 % of the efficiency
+/// (Huber, 1964).
+pub const HUBER_BOUND: f64 = 1.345;
+
+/// Compares measured velocities with those computed from the positions, at the chosen cutoff and lower ones,
+/// as long as these are better: differences of positions have more noise at high frequencies; `None` where the computed ones do not determine the parameters.
+///
+/// - `without`: the logs without measured velocities.
+pub(super) fn velocity_choice<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    found: &Search,
+    without: &Logs<'_, M>,
+) -> Result<Option<VelocityChoice>, DataError> {
+    let Some(measured) = found.chosen.and_then(|(_, place)| found.trials.get(place)) else {
+        return Ok(None);
+    };
+    let efforts = mean_square(&measured.factor);
+    let (levels, rate) = (without.noise_levels(), rate_of(without));
+    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    let mut best: Option<VelocityChoice> = None;
+    let cutoffs = found.trials.iter().map(|own| own.cutoff);
+    let mut lower: Vec<f64> = cutoffs.filter(|own| *own <= measured.cutoff).collect();
+    lower.reverse();
+    for cutoff in lower {
+        let computed = match trial(session, without, &levels, (cutoff, rate), None) {
+            Ok(found) => found,
+            Err(error) if is_undetermined(&error) => continue,
+            Err(error) => return Err(error),
+        };
+        // positions belong to the geometry: where both differ, the measured velocities are wrong
+        let errors = all_errors(&[&computed, measured], 1);
+        let [computed, measured] =
+            [0, 1].map(|k| errors.get(k).map_or(f64::INFINITY, |own| own.sum()));
+        if !(computed + measured).is_finite() {
+            continue;
+        }
+        let own = VelocityChoice {
+            are_computed: computed < COMPUTED_BELOW * measured,
+            measured: percent(measured),
+            computed: percent(computed),
+        };
+        if best.is_some_and(|best| best.computed <= own.computed) {
+            break;
+        }
+        best = Some(own);
+    }
+    Ok(best)
+}
+
+/// Compares Huber's loss with squares of the residuals at the chosen cutoff; `None` where no residual is as
+/// large that it would be better.
+///
+/// - `robust`: the session with Huber's loss.
+pub(super) fn loss_choice<M: BaseModel<f64> + ?Sized>(
+    robust: &Session<'_, M>,
+    basis: &Basis<'_, M>,
+) -> Result<Option<LossChoice>, DataError> {
+    let Some(squares) = basis.trial().filter(|own| own.largest > HEAVY) else {
+        return Ok(None);
+    };
+    let levels = basis.logs.noise_levels();
+    let place = (squares.cutoff, basis.rate());
+    let bounded = match trial(robust, &basis.logs, &levels, place, None) {
+        Err(error) if is_undetermined(&error) => return Ok(None),
+        found => found?,
+    };
+    // the weights of both are other ones: errors are those of the efforts in the units of squares
+    let own = |own: &Trial| {
+        let errors = all_errors(&[squares, own], 0);
+        errors
+            .get(1)
+            .map_or(f64::INFINITY, |own| own.variance + BIAS_WEIGHT * own.bias)
+    };
+    let (with_squares, with_bound) = (own(squares), own(&bounded));
+    if !(with_squares + with_bound).is_finite() {
+        return Ok(None);
+    }
+    let efforts = mean_square(&squares.factor);
+    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    Ok(Some(LossChoice {
+        huber: (with_bound < ROBUST_BELOW * with_squares).then_some(HUBER_BOUND),
+        squares: percent(with_squares),
+        bounded: percent(with_bound),
+    }))
+}
+
+/// Which efforts are late.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lateness {
+    /// None beyond chance.
+    None,
+    /// All by the same time as far as is known, and none by itself beyond chance.
+    Common,
+    /// Some by themselves.
+    Each,
+}
+
+/// A delay that all efforts share is corrected from so many standard deviations on: one cause delays the efforts
+/// of most machines, and what is left uncorrected moves friction by many deviations.
+const MIN_COMMON_DEVIATIONS: f64 = 2.5;
+/// An effort whose delay differs from that of all by more standard deviations has another cause.
+const MAX_APART_DEVIATIONS: f64 = 3.0;
+
+/// Which efforts have a delay with the chosen filter.
+pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    basis: &Basis<'_, M>,
+) -> Result<Lateness, DataError> {
+    let Some(chosen) = basis.trial() else {
+        return Ok(Lateness::None);
+    };
+    let (cutoff, rate) = (chosen.cutoff, basis.rate());
+    let method = Method::Butterworth {
+        order: ORDER,
+        cutoff,
+    };
+    let [every, decimation] = rates(rate, cutoff);
+    let thinned = basis.logs.thinned(method, every, decimation)?;
+    let levels = basis.logs.noise_levels();
+    let found = fitted(
+        session,
+        &mut NoisyLogs::new(&thinned, &levels, cutoff),
+        true,
+    )?;
+    let is_long = |own: &Delay| own.seconds.abs() * rate > MIN_DELAY_ROWS;
+    let (each, common) = (&found.delays.efforts, &found.delays.common);
+    let certain = each.iter().filter(|own| own.is_significant());
+    let mut signs: Vec<bool> = certain.clone().map(|own| own.seconds > 0.0).collect();
+    signs.dedup();
+    if signs.len() > 1 {
+        // what makes some efforts late and others early is an error of the model or of the motion
+        return Ok(Lateness::None);
+    }
+    if certain.clone().any(|own| is_long(own)) {
+        return Ok(Lateness::Each);
+    }
+    let is_common = common.as_ref().is_some_and(|all| {
+        let agrees =
+            |own: &Delay| (own.seconds - all.seconds).abs() <= MAX_APART_DEVIATIONS * own.sigma;
+        let is_beyond = all.seconds.abs() > MIN_COMMON_DEVIATIONS * all.sigma;
+        is_beyond && all.slower.is_none() && is_long(all) && each.iter().all(agrees)
+    });
+    Ok(if is_common {
+        Lateness::Common
+    } else {
+        Lateness::None
+    })
+}
+
+/// Compares the Fourier series of a motion that repeats itself with the chosen filter; `None` where the motion
+/// does not repeat, or the estimates of both differ by more than chance: then it repeats itself only roughly, or
+/// its rows are not where the clock says.
+///
+/// - `choice`: that of the filter.
+pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    runs: &[Run],
+    basis: &Basis<'_, M>,
+    choice: &Choice,
+) -> Result<Option<SeriesChoice>, SessionError> {
+    let (Some(filtered), Some(positions)) = (basis.trial(), basis.logs.positions()) else {
+        return Ok(None);
+    };
+    let Some((frequency, harmonics)) = fitting_series(&positions) else {
+        return Ok(None);
+    };
+    let reading = Settings {
+        method: Method::Fourier {
+            frequency,
+            harmonics,
+        },
+        decimation: 1,
+        ..choice.applied(&session.reading)
+    };
+    let mut logs = match Logs::open(session.model, runs, &reading) {
+        // too short a part of a period
+        Err(DataError::Signal {
+            why: SignalError::Setting(_) | SignalError::TooFew { .. },
+            ..
+        }) => return Ok(None),
+        opened => opened?,
+    };
+    let found = match fitted(session, &mut logs, false) {
+        Err(error) if is_undetermined(&error) => return Ok(None),
+        found => found?,
+    };
+    let series = Trial::of_exact_motion(found, filtered.cutoff);
+    // the errors of efforts along the whole motion, which no filter has smoothed
+    let errors = all_errors(&[&series, filtered], 0);
+    let [Some(own), Some(other)] = [errors.first(), errors.get(1)] else {
+        return Ok(None);
+    };
+    // the error of the filter counts without its distance from the series
+    let (with_series, with_filter) = (own.variance, other.variance + BIAS_WEIGHT * other.bias);
+    let is_apart = other.apart > 0.0;
+    if is_apart || !(with_series + with_filter).is_finite() {
+        return Ok(None);
+    }
+    let efforts = mean_square(&series.factor);
+    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    Ok(Some(SeriesChoice {
+        frequency,
+        harmonics,
+        is_used: with_series < SERIES_BELOW * with_filter,
+        filtered: percent(with_filter),
+        series: percent(with_series),
+    }))
+}
