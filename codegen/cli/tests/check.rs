@@ -156,7 +156,11 @@ fn a_singular_home_is_refused_with_a_home_from_which_base_parameters_are_complet
     ] {
         std::fs::write(dir.join(name), text).unwrap();
         for command in ["check", "base", "generate"] {
-            let run = regen(&dir, &[command, name]).ended(3);
+            let out: &[&str] = match command {
+                "generate" => &["--out", "generated"],
+                _ => &[],
+            };
+            let run = regen(&dir, &[&[command, name], out].concat()).ended(3);
             let words =
                 "home is singular: the mechanism has 2 degrees of freedom there, and 1 beside it";
             assert!(run.err.contains(words), "{name} {command}\n{}", run.err);

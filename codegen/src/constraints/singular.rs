@@ -1,7 +1,6 @@
 //! A singular home: the rank of A there is lower than beside it, and with it the number of degrees
 //! of freedom is not the mechanism's.
 
-use crate::diag::rounded;
 use crate::model::Model;
 use crate::numeric::{rank_and_columns, solve_pivoted};
 use crate::sym::Number;
@@ -176,7 +175,7 @@ fn closed(
 ) -> Result<Vec<f64>, HomeProblem> {
     for (number, value) in model.home.iter_mut().zip(home) {
         if number.to_f64() != *value
-            && let Some(value) = Number::parse_decimal(&rounded(*value))
+            && let Some(value) = Number::parse_decimal(&format!("{value:.6}"))
         {
             *number = value;
         }
@@ -198,7 +197,7 @@ fn short(x: f64) -> f64 {
     format!("{x:.1e}").parse().unwrap_or(x)
 }
 
-/// A value as it is written in a message.
+/// A value with six decimals, as messages have them.
 fn written(x: f64) -> f64 {
-    rounded(x).parse().unwrap_or(x)
+    format!("{x:.6}").parse().unwrap_or(x)
 }
