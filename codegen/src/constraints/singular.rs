@@ -75,7 +75,7 @@ fn step(
     let moved = next.iter().zip(q).zip(units);
     let moved = moved.fold(0.0_f64, |m, ((x, y), unit)| m.max(((x - y) / unit).abs()));
     // the comparisons are also false for NaN
-    let beside = moved >= MIN_PART * STEP && moved <= MAX_STEPS_AWAY * STEP;
+    let beside = (MIN_PART * STEP..=MAX_STEPS_AWAY * STEP).contains(&moved);
     (residual <= CLOSED && beside).then_some(next)
 }
 
@@ -174,7 +174,7 @@ fn closed(
     home: &[f64],
 ) -> Result<Vec<f64>, HomeProblem> {
     for (number, value) in model.home.iter_mut().zip(home) {
-        if number.to_f64() != *value
+        if number.to_f64().to_bits() != value.to_bits()
             && let Some(value) = Number::parse_decimal(&format!("{value:.6}"))
         {
             *number = value;

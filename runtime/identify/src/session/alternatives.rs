@@ -125,7 +125,7 @@ pub(super) enum Lateness {
 
 /// A delay that all efforts share is corrected from so many standard deviations on: one cause delays the efforts
 /// of most machines, and what is left uncorrected moves friction by many deviations.
-const MIN_COMMON_DEVIATIONS: f64 = 2.5;
+const MIN_COMMON_DEVIATIONS: f64 = 3.0;
 /// An effort whose delay differs from that of all by more standard deviations has another cause.
 const MAX_APART_DEVIATIONS: f64 = 3.0;
 
@@ -159,7 +159,7 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
         // what makes some efforts late and others early is an error of the model or of the motion
         return Ok(Lateness::None);
     }
-    if certain.clone().any(|own| is_long(own)) {
+    if certain.clone().any(&is_long) {
         return Ok(Lateness::Each);
     }
     let is_common = common.as_ref().is_some_and(|all| {

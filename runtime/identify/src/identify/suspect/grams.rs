@@ -220,9 +220,9 @@ impl Grams {
                 _ => false,
             };
             let Some(full) = state_of_loops.filter(|full| !contradicts(&full.q)) else {
-                let failed = out.tried - out.count as usize;
+                let failed = out.tried as f64 - out.count;
                 let usual = (1.0 - MIN_CLOSED_PART) * out.tried as f64;
-                if spreads.is_some() && failed as f64 > usual + SPARE_FAILURES as f64 {
+                if spreads.is_some() && failed > usual + SPARE_FAILURES as f64 {
                     return None;
                 }
                 // the loops close at none of the first states: give up
