@@ -349,14 +349,27 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
     let read = |name: &str| -> Value {
         serde_json::from_str(&fs::read_to_string(dir.join(name)).unwrap()).unwrap()
     };
-    let changes: [Change; 6] = [
+    // what is printed has all that a file has
+    let printed = run(
+        &dir,
+        &["identify", "cart.yaml", "a.csv", "--format", "json"],
+    )
+    .ended(0)
+    .out;
+    fs::write(dir.join("printed.json"), printed).unwrap();
+    run(&dir, &["validate", "cart.yaml", "printed.json", "a.csv"]).ended(0);
+    let changes: [Change; 7] = [
         (
             |file| file["robot"] = "arm".into(),
             "robot: is `arm`, and the spec's robot is `cart`",
         ),
         (
             |file| file["version"] = 2.into(),
-            "version: files of parameters have no such key",
+            "version: is 2, and this program reads 1",
+        ),
+        (
+            |file| file["parametres"] = 2.into(),
+            "parametres: files of parameters have no such key",
         ),
         (
             |file| file["parameters"][1] = file["parameters"][0].clone(),
@@ -409,6 +422,15 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
         let refused = regen(&dir, &["validate", "cart.yaml", "q.json", "a.csv"]).ended(3);
         assert!(refused.err.contains(says), "{}", refused.err);
     }
+    // what is printed has all that a file has
+    let printed = run(
+        &dir,
+        &["identify", "cart.yaml", "a.csv", "--format", "json"],
+    )
+    .ended(0)
+    .out;
+    fs::write(dir.join("printed.json"), printed).unwrap();
+    run(&dir, &["validate", "cart.yaml", "printed.json", "a.csv"]).ended(0);
     let changes: [Change; 7] = [
         (
             |file| file["kind"] = "energy".into(),

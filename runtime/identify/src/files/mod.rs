@@ -300,6 +300,34 @@ const KEYS: [&str; 19] = [
     "joints",
 ];
 
+/// The further keys of what `regen identify --format json` prints, which has a file's keys too.
+const PRINTED_KEYS: [&str; 22] = [
+    "version",
+    "bandwidth",
+    "bias_remedy",
+    "condition",
+    "corrected_delays",
+    "cross",
+    "degrees_of_freedom",
+    "delays",
+    "efforts",
+    "equations",
+    "files",
+    "instruments",
+    "kind",
+    "left_out",
+    "models",
+    "reduction",
+    "relative_absolute",
+    "relative_absolute_without_delays",
+    "scaled_condition",
+    "simulated",
+    "singular",
+    "suspicions",
+];
+/// The version of what is printed.
+const VERSION: u64 = 1;
+
 fn wrong(place: &str, why: String) -> FileError {
     FileError::Content {
         place: place.to_owned(),
@@ -343,7 +371,13 @@ impl FileContent {
             .as_object()
             .into_iter()
             .flat_map(serde_json::Map::keys);
-        if let Some(key) = keys.find(|key| !KEYS.contains(&key.as_str())) {
+        let known = |key: &str| KEYS.contains(&key) || PRINTED_KEYS.contains(&key);
+        let version = value.get("version");
+        if let Some(other) = version.filter(|own| own.as_u64() != Some(VERSION)) {
+            let why = format!("is {other}, and this program reads {VERSION}");
+            return Err(wrong("version", why));
+        }
+        if let Some(key) = keys.find(|key| !known(key)) {
             return Err(wrong(
                 key,
                 "files of parameters have no such key".to_owned(),
