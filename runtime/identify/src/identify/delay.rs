@@ -93,10 +93,6 @@ pub struct Delays {
     /// The same of the error of the common delay, where all efforts are as late.
     #[serde(skip)]
     pub common_change: Vec<f64>,
-    /// By how much the delays that the equations may still have move the parameters, SI; empty where there are
-    /// none.
-    #[serde(skip)]
-    pub left_change: Vec<f64>,
     /// By how much a second of the delay of each effort moves the parameters, SI.
     #[serde(skip)]
     pub slopes: Vec<Vec<f64>>,
@@ -115,9 +111,12 @@ impl Delays {
         all.any(Delay::is_significant)
     }
 
-    /// Finds by how much the delays that are left move the parameters: the significant ones of efforts, and of
-    /// the efforts that have no own the common one, less what chance gives.
-    pub(super) fn sum_up(&mut self) {
+    /// By how much the delays that the equations still have move the parameters, SI: the significant ones of
+    /// efforts, and of the others the common one, less what chance gives; none where delays are not known.
+    ///
+    /// - `each`: whether the delays of the others count as they are: where one was corrected, the others are no
+    ///   less likely.
+    pub fn left_change(&self, each: bool) -> Vec<f64> {
         let beyond = |own: &Delay| {
             let square = own.seconds * own.seconds - own.sigma * own.sigma;
             square.max(0.0).sqrt().copysign(own.seconds)
@@ -126,7 +125,7 @@ impl Delays {
         let common = common.map_or(0.0, beyond);
         let mut change = Vec::new();
         for (own, slopes) in self.efforts.iter().zip(&self.slopes) {
-            let seconds = if own.is_significant() {
+            let seconds = if each || own.is_significant() {
                 own.seconds
             } else {
                 common
@@ -136,8 +135,7 @@ impl Delays {
                 *sum += slope * seconds;
             }
         }
-        let is_late = change.iter().any(|x| *x != 0.0);
-        self.left_change = if is_late { change } else { Vec::new() };
+        change
     }
 
     /// Compares each delay with that of slower motion. Where the common one is contradicted, so is every
@@ -331,7 +329,6 @@ impl DelayScores<'_> {
             common,
             changes: moved.errors,
             common_change: moved.common,
-            left_change: Vec::new(),
             slopes: moved.slopes,
         }
     }

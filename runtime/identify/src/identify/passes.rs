@@ -485,7 +485,6 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         if let Some(slower) = delays_of_slower_motion(replay, solved, bandwidth, step) {
             delays.compare(&slower);
         }
-        delays.sum_up();
     }
     let fraction_within_bound = match options.huber {
         Some(_) => psi_sums.fraction_within_bound(),

@@ -5,7 +5,7 @@ use regen_runtime::BaseModel;
 
 use super::motion_noise::{motion_bias, size_of};
 use super::{MonitoredLogs, Session, SessionError, physical};
-use crate::data::{FileReport, Run};
+use crate::data::{FileReport, Run, Settings};
 use crate::estimate::{
     Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, QrFactor, Residuals, Weighting,
 };
@@ -120,17 +120,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         }
         EquationKind::Energy { .. } => "",
     };
-    if session.reading.are_delays_found {
-        add_delay_error(&session.reading.delays, &mut identified);
-    }
-    let mut late = identified.delays.left_change.clone();
-    if !late.is_empty() {
-        add_change(&late, &mut identified);
-    }
-    if !identified.delays.are_significant() {
-        // what may be chance makes no value biased
-        late.clear();
-    }
+    let late = add_delay_error(&session.reading, &mut identified);
     let motion = add_motion_noise(session, logs, &mut identified)?;
     let noise_note = match motion {
         Some((_, is_mentioned)) if is_mentioned => MOTION_NOISE,
@@ -161,39 +151,33 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Adds to the deviations what the errors of delays that were found from the same logs move, and what is left of
-/// the delays: those that are no more than chance were not corrected, and may be as large.
-///
-/// - `delays`: the ones that were found; a single value of all efforts has one cause.
-fn add_delay_error(delays: &[(String, f64)], identified: &mut Identified) {
+/// Adds to the deviations what the delays move that the equations still have, and the errors of those that were
+/// found from the same logs. Returns what makes values biased: nothing where all that is left may be chance.
+fn add_delay_error(reading: &Settings, identified: &mut Identified) -> Vec<f64> {
     let found = &identified.delays;
-    let mut pairs = delays.windows(2);
-    let is_one = delays.len() == found.efforts.len()
-        && delays.len() > 1
+    // a single value of all efforts has one cause
+    let mut pairs = reading.delays.windows(2);
+    let is_one = reading.delays.len() == found.efforts.len()
+        && found.efforts.len() > 1
         && pairs.all(|own| matches!(own, [(_, a), (_, b)] if a.to_bits() == b.to_bits()));
-    let mut changes = if is_one {
-        vec![found.common_change.clone()]
-    } else {
-        found.changes.clone()
+    let errors = match (reading.are_delays_found, is_one) {
+        (false, _) => Vec::new(),
+        (true, true) => vec![found.common_change.clone()],
+        (true, false) => found.changes.clone(),
     };
-    if !is_one {
-        let mut left = vec![0.0; identified.estimate.values.len()];
-        for (own, slopes) in found.efforts.iter().zip(&found.slopes) {
-            if !own.is_significant() {
-                for (sum, slope) in left.iter_mut().zip(slopes) {
-                    *sum += slope * own.seconds;
-                }
-            }
-        }
-        changes.push(left);
-    }
-    for change in &changes {
+    let left = found.left_change(reading.are_delays_found && !is_one);
+    let is_biased = found.are_significant();
+    for change in errors.iter().chain([&left]) {
         add_change(change, identified);
     }
+    if is_biased { left } else { Vec::new() }
 }
 
 /// Adds what something moves, whose size is known and whose sign is not, to the deviations.
 fn add_change(change: &[f64], identified: &mut Identified) {
+    if change.iter().all(|x| *x == 0.0) {
+        return;
+    }
     identified.deviations = identified.deviations.with_change(change);
     let blocks = identified.blocks.clone();
     identified.blocks = blocks.with_change(&identified.factor, change);
