@@ -9,12 +9,12 @@ use regen_identify::session::{Choice, OpenChoices, Session, chosen, from_logs};
 use regen_identify::signals::Method;
 use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_report::results::{BiasRemedy, Identification};
+use regen_report::results::BiasRemedy;
 
 use crate::args::{DelayArg, IdentifyArgs, ReadingArgs, VelocitiesArg};
 use crate::exit::Failure;
 
-use crate::{delay, identify, load, loads, observe};
+use crate::{identify, load, loads, observe};
 
 /// Whether neither an option nor the experiment file says how positions are differentiated.
 pub(crate) fn is_open(reading: &ReadingArgs) -> bool {
@@ -132,14 +132,15 @@ pub(crate) fn pin_delays(choice: &Choice, reading: &mut ReadingArgs) {
 /// delays, the filter that would be chosen in place of a given one, else instrumental variables; `None` where
 /// no value is biased.
 ///
-/// - `filter`: the one that was chosen, `None` where it was given.
+/// - `filter`: the one that was chosen, `None` where it was given; `on_time`: the options with corrected delays,
+///   where they are not.
 pub(crate) fn bias_remedy(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
-    found: &Identification,
+    file: &ParameterFile,
     filter: Option<&Choice>,
+    on_time: Option<&IdentifyArgs>,
 ) -> Result<Option<BiasRemedy>, Failure> {
-    let file = &found.file;
     let before = biased(file);
     if before == 0 || args.logs.is_empty() {
         return Ok(None);
@@ -153,8 +154,8 @@ pub(crate) fn bias_remedy(
         let file = ParameterFile::new(model, &found, &shares, Vec::new(), args.confidence)?;
         Ok(biased(&file))
     };
-    if let Some(other) = delay::with_auto(args, &session, &found.summary)? {
-        let after = left(&other)?;
+    if let Some(other) = on_time {
+        let after = left(other)?;
         if after < before {
             return Ok(Some(BiasRemedy {
                 options: "--delay auto".to_owned(),

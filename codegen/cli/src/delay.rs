@@ -42,17 +42,9 @@ pub(crate) fn with_auto(
     Ok(other.filter(|other| !other.reading.delay.is_empty()))
 }
 
-/// eps_RA of least squares with `--delay auto`, percent, see [`with_auto`].
-pub(crate) fn tried(
-    args: &IdentifyArgs,
-    model: &Interpreted<'_>,
-    found: &Summary,
-) -> Result<Option<f64>, Failure> {
-    let session = identify::session(args, model);
-    let Some(other) = with_auto(args, &session, found)? else {
-        return Ok(None);
-    };
-    let session = identify::session(&other, model);
+/// eps_RA of least squares with these options, percent.
+pub(crate) fn tried(other: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Option<f64>, Failure> {
+    let session = identify::session(other, model);
     let start = from_logs(&session, &mut session.open(&other.logs)?)?;
     Ok(start.relative_absolute)
 }

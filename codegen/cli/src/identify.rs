@@ -118,10 +118,14 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     // what least squares would gain is no advice for another model, and a remedy that fails is none
     let is_least_squares = !(args.iv || args.physical.wanted() || args.physical.reduce);
     if !has_loads && !simulates && is_least_squares {
-        let remedy = choice::bias_remedy(args, &model, &json, filter.as_ref());
+        let on_time = delay::with_auto(args, &session(args, &model), &json.summary);
+        let on_time = on_time.ok().flatten();
+        let remedy =
+            choice::bias_remedy(args, &model, &json.file, filter.as_ref(), on_time.as_ref());
         json.summary.bias_remedy = remedy.ok().flatten();
-        let tried = delay::tried(args, &model, &json.summary);
-        json.summary.relative_absolute_without_delays = tried.ok().flatten();
+        let tried = on_time.map(|other| delay::tried(&other, &model));
+        let tried = tried.and_then(|found| found.ok().flatten());
+        json.summary.relative_absolute_without_delays = tried;
     }
     json.file.filter.clone_from(&filter);
     identified.provenance.filter = filter;

@@ -23,6 +23,11 @@ const ROBUST_BELOW: f64 = 0.7;
 /// Delays of less than this part of the time between rows are not corrected: errors of the derivatives look
 /// like them.
 const MIN_DELAY_ROWS: f64 = 0.02;
+/// A delay that all efforts share is corrected from so many standard deviations on: one cause delays the efforts
+/// of most machines, and what is left uncorrected moves friction by many deviations.
+const MIN_COMMON_DEVIATIONS: f64 = 3.0;
+/// An effort whose delay differs from that of all by more standard deviations has another cause.
+const MAX_APART_DEVIATIONS: f64 = 3.0;
 /// Huber's loss is tried where a residual is as many standard deviations large: the largest of ten thousand
 /// normal ones is.
 const HEAVY: f64 = 4.0;
@@ -122,12 +127,6 @@ pub(super) enum Lateness {
     /// Some by themselves.
     Each,
 }
-
-/// A delay that all efforts share is corrected from so many standard deviations on: one cause delays the efforts
-/// of most machines, and what is left uncorrected moves friction by many deviations.
-const MIN_COMMON_DEVIATIONS: f64 = 3.0;
-/// An effort whose delay differs from that of all by more standard deviations has another cause.
-const MAX_APART_DEVIATIONS: f64 = 3.0;
 
 /// Which efforts have a delay with the chosen filter.
 pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
