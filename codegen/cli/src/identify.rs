@@ -96,7 +96,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     } else {
         let session = session(&args, &model);
         let open = choice::open(&args.reading, is_loss_open(&args));
-        choice::made(&mut args.reading, &session, &args.logs, open)?
+        choice::made(&mut args.reading, &session, &mut args.logs, open)?
     };
     args.huber = args.huber.or(filter.as_ref().and_then(Choice::huber));
     let args = &args;

@@ -33,7 +33,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let filter = {
         let session = session(&model, &args.reading);
         let open = choice::open(&args.reading, false);
-        choice::made(&mut args.reading, &session, &args.logs, open)?
+        choice::made(&mut args.reading, &session, &mut args.logs, open)?
     };
     let (reading, corrected_delays) =
         delay::found_for(&args.reading, &session(&model, &args.reading), &args.logs)?;
