@@ -263,7 +263,7 @@ fn repeating(dir: &Path, growth: f64) {
     let mut text = "t,q,tau_q\n".to_owned();
     for k in 0..2000 {
         let t = 0.01 * f64::from(k);
-        let start = std::f64::consts::TAU * 0.3137;
+        let start = std::f64::consts::TAU * 0.3125;
         // the phase, its rate and the rate of that
         let phase = start * t * (1.0 + growth * t);
         let (rate, change) = (start * (1.0 + 2.0 * growth * t), 2.0 * growth * start);
@@ -297,9 +297,18 @@ fn a_motion_that_repeats_itself_is_a_series_and_one_that_does_not_is_none() {
     assert_eq!(series["is_used"], true, "{own}");
     assert_eq!(series["harmonics"], 3);
     let frequency = series["frequency"].as_f64().unwrap();
-    assert!((frequency / 0.3137 - 1.0).abs() < 1e-4, "{series}");
+    assert!((frequency / 0.3125 - 1.0).abs() < 1e-4, "{series}");
     for ((_, low, high, status), truth) in rows(&own).into_iter().zip([2.0, 3.0]) {
         assert!(status == "well" && low < truth && truth < high, "{own}");
+    }
+    // a mean of its periods is differentiated so too, and its energy is that of the same motion
+    for more in [["--period", "3.2"], ["--energy", "0.2"]] {
+        let other = found(&more);
+        assert_eq!(other["filter"]["series"]["is_used"], true, "{other}");
+        for ((value, low, high, _), truth) in rows(&other).into_iter().zip([2.0, 3.0]) {
+            assert!(low < truth && truth < high, "{other}");
+            assert!((value / truth - 1.0).abs() < 0.02, "{other}");
+        }
     }
     // the option repeats it, and predictions of other motions use the filter
     let pinned = found(&["--fourier", &format!("{frequency},3")]);

@@ -237,6 +237,8 @@ def measured(o, cell, regen, spec, log, base, truth, w, efforts):
     figures = judged(found, base, truth, w, efforts)
     cell |= {"options": o.options, "answered": figures is not None, "seconds": round(seconds, 3)}
     cell |= figures or {}
+    if found.get("filter"):
+        cell["choice"] = {key: value for key, value in found["filter"].items() if key != "candidates"}
     if figures and "+stribeck" in cell["robot"]:
         # the intervals are those of a model that does not hold
         cell |= {"intervals": 0, "inside": 0, "wrong": 0}

@@ -27,7 +27,10 @@ const ROBUST_BELOW: f64 = 0.7;
 const MIN_DELAY_ROWS: f64 = 0.02;
 /// A delay that all efforts share is corrected from so many standard deviations on: one cause delays the efforts
 /// of most machines, and what is left uncorrected moves friction by many deviations.
-const MIN_COMMON_DEVIATIONS: f64 = 3.0;
+const MIN_COMMON_DEVIATIONS: f64 = 4.0;
+/// The delay of a single effort is corrected from so many on: of logs without delays one in a hundred has one beyond
+/// four, and what is left uncorrected is part of the deviations.
+const MIN_SINGLE_DEVIATIONS: f64 = 4.5;
 /// An effort whose delay differs from that of all by more standard deviations has another cause.
 const MAX_APART_DEVIATIONS: f64 = 3.0;
 /// Huber's loss is tried where a residual is as many standard deviations large: the largest of ten thousand
@@ -161,7 +164,10 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     };
     let is_long = |own: &Delay| own.seconds.abs() * rate > MIN_DELAY_ROWS;
     let (each, common) = (&found.delays.efforts, &found.delays.common);
-    let certain = each.iter().filter(|own| own.is_significant());
+    let is_beyond = |own: &Delay, deviations: f64| own.seconds.abs() > deviations * own.sigma;
+    let certain = each.iter();
+    let certain =
+        certain.filter(|own| own.is_significant() && is_beyond(own, MIN_SINGLE_DEVIATIONS));
     let mut signs: Vec<bool> = certain.clone().map(|own| own.seconds > 0.0).collect();
     signs.dedup();
     if signs.len() > 1 {
@@ -174,8 +180,10 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     let is_common = common.as_ref().is_some_and(|all| {
         let agrees =
             |own: &Delay| (own.seconds - all.seconds).abs() <= MAX_APART_DEVIATIONS * own.sigma;
-        let is_beyond = all.seconds.abs() > MIN_COMMON_DEVIATIONS * all.sigma;
-        is_beyond && all.slower.is_none() && is_long(all) && each.iter().all(agrees)
+        is_beyond(all, MIN_COMMON_DEVIATIONS)
+            && all.slower.is_none()
+            && is_long(all)
+            && each.iter().all(agrees)
     });
     Ok(if is_common {
         Lateness::Common

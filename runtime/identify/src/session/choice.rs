@@ -302,7 +302,7 @@ impl Errors {
 }
 
 /// Chooses how the logs are read and solved; `None` where no filter is to be chosen: where all derivatives are
-/// measured, repetitions are averaged, or no cutoff determines the parameters.
+/// measured, or no cutoff determines the parameters.
 ///
 /// - `open`: what is chosen too.
 ///
@@ -313,13 +313,27 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
     runs: &[Run],
     open: OpenChoices,
 ) -> Result<Option<Choice>, SessionError> {
-    if session.reading.period.is_some() || session.kind != EquationKind::Forces {
-        return Ok(None);
-    }
     session.watch.phase("choosing a filter");
-    let found = found(session, runs, open);
+    let is_averaged = session.reading.period.is_some();
+    // an energy balance is of the same motion as the forces, which tell more of it; so are single periods
+    let forces = Session {
+        kind: EquationKind::Forces,
+        ..session.with_reading(Settings {
+            period: None,
+            ..session.reading.clone()
+        })
+    };
+    let open = OpenChoices {
+        loss: open.loss && session.kind == EquationKind::Forces && !is_averaged,
+        ..open
+    };
+    let mut found = found(&forces, runs, open)?;
+    if let Some(series) = found.as_mut().and_then(|own| own.series.as_mut()) {
+        // a mean of periods is a series, however accurate filters of the whole log are
+        series.is_used |= is_averaged;
+    }
     session.watch.finished();
-    found
+    Ok(found)
 }
 
 fn found<M: BaseModel<f64> + ?Sized>(
