@@ -7,7 +7,7 @@ use regen_identify::data::{
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::suspect::Spikes;
 use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
-use regen_identify::session::{MonitoredLogs, Session, SessionError};
+use regen_identify::session::{MonitoredLogs, Session, SessionError, from_logs};
 use regen_identify::signals::{Method, SignalError};
 use regen_identify::text::figure_of;
 use regen_report::results::{LogFile, Observed, observed_text};
@@ -40,6 +40,11 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     args.reading = reading;
     let mut logs = open(&model, &args.logs, &args.reading)?;
     let (set, left_out) = observe(&model, kind(&args.reading), &mut logs)?;
+    // what the order of the rows and the motion tell of the errors is not in the factors
+    let session = session(&model, &args.reading);
+    let errors = from_logs(&session, &mut session.open(&args.logs)?);
+    let errors = errors.ok().and_then(|start| start.log_errors());
+    let set = set.with_errors(errors)?;
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
     let files = logs.logs().reports().iter().map(LogFile::new).collect();

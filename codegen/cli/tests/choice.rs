@@ -540,3 +540,39 @@ fn logs_that_parameters_were_identified_from_are_told_to_validate_nothing() {
     assert!(text.contains("errors on them validate nothing"), "{text}");
     assert!(!validate("other.csv").contains("validate nothing"));
 }
+
+#[test]
+fn factors_of_logs_give_the_estimate_of_the_logs_with_its_deviations() {
+    let dir = simulated("choice_factors", "1e-5,0.02");
+    let spec = spec();
+    let observed = ["observe", &spec, "log.csv", "--out", "a.factors"];
+    regen(&dir, &observed).ended(0);
+    let from = |files: &[&str]| {
+        let words = [&["identify", &spec, "--format", "json", "--from"], files].concat();
+        regen(&dir, &words).ended(0).json()
+    };
+    let direct = rows(&identified(&dir, &[]));
+    let single = rows(&from(&["a.factors"]));
+    let twice = rows(&from(&["a.factors", "a.factors"]));
+    for ((direct, single), twice) in direct.iter().zip(&single).zip(&twice) {
+        let length = direct.2 - direct.1;
+        assert!(
+            (direct.0 - single.0).abs() < 0.05 * length,
+            "{direct:?} {single:?}"
+        );
+        let ratio = (single.2 - single.1) / length;
+        assert!((ratio - 1.0).abs() < 0.02, "{direct:?} {single:?}");
+        // two logs with as large and independent errors: half of the variance, and twice the degrees of freedom
+        let ratio = (twice.2 - twice.1) / length;
+        assert!((0.6..0.72).contains(&ratio), "{ratio}");
+        assert!((direct.0 - twice.0).abs() < 0.05 * length);
+    }
+    // factors without their errors are told
+    let text = fs::read_to_string(dir.join("a.factors")).unwrap();
+    let mut bare: Value = serde_json::from_str(&text).unwrap();
+    bare.as_object_mut().unwrap().remove("errors").unwrap();
+    fs::write(dir.join("b.factors"), bare.to_string()).unwrap();
+    let mixed = from(&["a.factors", "b.factors"]);
+    let method = mixed["deviations"].as_str().unwrap();
+    assert!(method.contains("white residuals"), "{method}");
+}
