@@ -1,6 +1,6 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
-use regen_identify::data::DataError;
+use regen_identify::data::{DataError, FileReport};
 use regen_identify::estimate::{EffortError, EstimateError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{Options, digest};
@@ -390,17 +390,20 @@ fn logs(
             error,
             SessionError::Data(DataError::Estimate(EstimateError::NoConvergence))
         );
-        if unusable || is_unsolved {
-            suspect::warn(args, model, logs.logs(), None);
-        } else {
-            observe::note_problems(logs.logs().reports());
-        }
         let is_undetermined = matches!(
             error,
             SessionError::Data(DataError::Estimate(
                 EstimateError::Undetermined { .. } | EstimateError::TooShort { .. }
             ))
         );
+        if !(unusable || is_unsolved) {
+            observe::note_problems(logs.logs().reports());
+        }
+        // so may loops that leave too few states, where their rows are left out
+        let open = |report: &FileReport| report.problems.has_open();
+        if unusable || is_unsolved || is_undetermined && logs.logs().reports().iter().any(open) {
+            suspect::warn(args, model, logs.logs(), None);
+        }
         let failure = Failure::from(error);
         if is_undetermined {
             observe::with_still(failure, logs.logs().reports())

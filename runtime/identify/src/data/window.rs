@@ -285,7 +285,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         (efforts, held): (&[Vec<f64>], &[Vec<f64>]),
         (still, bridged): (&[Vec<bool>], &[bool]),
     ) -> Result<(), DataError> {
+        let before = self.completion.given_up();
         let states = self.completion.complete_many(motion, samples)?;
+        let given_up = self.completion.given_up() > before;
         let reversals: Vec<(usize, f64, f64)> = self
             .unmeasured
             .iter()
@@ -332,7 +334,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             match states.outcomes[at] {
                 Completeness::Closed => {}
                 Completeness::Open(outcome) => {
-                    self.skip(k, &outcome);
+                    self.skip(k, &outcome, given_up);
                     continue;
                 }
                 Completeness::Unmeasured => {
@@ -346,7 +348,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             }
             let condition = Condition { pivot: pivots[at] };
             if condition.status() == Status::Singular {
-                self.skip(k, &Outcome::Singular { at: 1.0, condition });
+                self.skip(k, &Outcome::Singular { at: 1.0, condition }, false);
                 continue;
             }
             for (slot, effort) in own.iter_mut().zip(efforts) {
@@ -392,9 +394,14 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         Ok(())
     }
 
-    fn skip(&mut self, k: usize, outcome: &Outcome) {
+    /// - `given_up`: whether the search for a state of the same samples was ended early.
+    fn skip(&mut self, k: usize, outcome: &Outcome, given_up: bool) {
         self.follows = false;
         let why = match outcome {
+            Outcome::NotClosed { at, .. } if given_up && *at < 1.0 => {
+                "the loops were not followed so far, as too many rows took long searches that failed: \
+                 positions contradict each other or jump"
+            }
             Outcome::NotClosed { .. } => "the loops cannot be closed there",
             Outcome::Singular { .. } => "the robot is singular there",
             _ => "the assembly branch is lost there",

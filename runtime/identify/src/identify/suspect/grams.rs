@@ -52,7 +52,7 @@ const POSTURES: usize = 16;
 const MIN_CLOSED_PART: f64 = 0.8;
 /// The most continuation steps to a state: enough for a path of tens of rad. Columns that are wrong
 /// lead to states that do not close, and a search to the end takes thousands of steps for each.
-const MAX_STEPS: usize = 200;
+pub(super) const MAX_STEPS: usize = 200;
 /// How many more states than the rest of [`MIN_CLOSED_PART`] may fail before a hypothesis is given up.
 const SPARE_FAILURES: usize = 4;
 /// The largest distance of measured coordinates, more than needed, from the closed state that is

@@ -5,7 +5,7 @@ use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use super::words::{LogColumns, rounded};
-use super::{Findings, Nominal, Sample, look};
+use super::{Findings, Nominal, Sample, look, positions};
 use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
@@ -192,6 +192,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     }
     out.extend(unmeasured(columns, sample));
     if !out.is_empty() {
+        return out;
+    }
+    // hypotheses that are judged by the efforts cannot tell with states that contradict themselves
+    if let Some(found) = positions::contradiction(model, sample) {
+        out.extend(columns.contradicting(sample, found));
         return out;
     }
     let own: Vec<f64> = info
