@@ -96,7 +96,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     } else {
         let session = session(&args, &model);
         let open = choice::open(&args.reading, is_loss_open(&args));
-        choice::made(&mut args.reading, &session, &args.logs, open)?
+        let made = choice::made(&mut args.reading, &session, &args.logs, open);
+        made.inspect_err(|_| suspect::warn_of_contradictions(&args, &model))?
     };
     args.huber = args.huber.or(filter.as_ref().and_then(Choice::huber));
     let args = &args;

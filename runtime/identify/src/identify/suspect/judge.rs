@@ -195,8 +195,8 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         return out;
     }
     // hypotheses that are judged by the efforts cannot tell with states that contradict themselves
-    if let Some(found) = positions::contradiction(model, sample) {
-        out.extend(columns.contradicting(sample, found));
+    out.extend(contradiction(columns, sample));
+    if !out.is_empty() {
         return out;
     }
     let own: Vec<f64> = info
@@ -252,6 +252,16 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(missed_by_series(columns, sample, &findings.errors));
     }
     out
+}
+
+/// The suspicion that one position contradicts the others where more are measured than needed, by the
+/// loops alone; `None` if they agree, or no unit, sign or offset of a single one makes them agree.
+pub fn contradiction<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let found = positions::contradiction(columns.model, sample)?;
+    columns.contradicting(sample, found)
 }
 
 /// Whether the times are in another unit than s.

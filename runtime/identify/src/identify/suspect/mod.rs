@@ -16,7 +16,7 @@ mod trial;
 mod words;
 
 pub use facts::{NegativeParameter, Nominal, Shift};
-pub use judge::{EffortChange, Remedy, Suspicion, suspicions};
+pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
 pub use trial::{Trial, trial, weightless};
 pub use words::LogColumns;
 
