@@ -219,6 +219,7 @@ impl LogFile {
         let velocities = positions.clone().zip(&self.layout.velocities);
         let with_rates: Vec<(usize, usize)> = velocities
             .filter_map(|(entry, v)| Some((entry, (*v)?)))
+            .filter(|(entry, _)| !self.layout.is_constant(*entry))
             .collect();
         let mut accelerations = Rates::default();
         let entries = self
@@ -229,6 +230,7 @@ impl LogFile {
         let with_accelerations: Vec<(usize, usize, usize)> = entries
             .enumerate()
             .filter_map(|(k, (v, a))| Some((k, (*v)?, (*a)?)))
+            .filter(|(_, v, _)| !self.layout.is_constant(*v))
             .collect();
         let mut rate_row = Vec::new();
         let mut last_time = None;

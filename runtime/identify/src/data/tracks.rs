@@ -1,7 +1,7 @@
 //! The columns of a run as they are, for estimators that simulate: positions, velocities, commands
 //! and efforts, none of them differentiated or filtered.
 
-use super::columns::{Assignment, Quantity};
+use super::columns::{Assignment, Quantity, ValuesFrom};
 use super::file_rows::Table;
 use super::layout::{ColumnLayout, Finder, Search, Unfit};
 use super::logs::{FileReport, signal};
@@ -177,7 +177,9 @@ fn layout(
                 let given = commands.iter().find(|a| a.quantity == quantity);
                 finder.find_as(given, &format!("cmd_{quantity}"))?
             } else {
-                finder.find(&quantity)?
+                let given = finder.given(&quantity);
+                let measured = given.is_none_or(|own| own.from != ValuesFrom::Unmeasured);
+                finder.find(&quantity)?.filter(|_| measured)
             };
             if let Some(channel) = found {
                 channels.push(channel);
@@ -206,6 +208,7 @@ fn layout(
         channels,
         derivatives: false,
         efforts: places.efforts.len(),
+        unmeasured: Vec::new(),
         times,
         header: finder.header,
     };

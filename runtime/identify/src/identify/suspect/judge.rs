@@ -306,6 +306,9 @@ fn unmeasured<M: BaseModel<f64> + ?Sized>(
     sample: &Sample,
 ) -> Option<Suspicion> {
     let is_constant = |k: &usize| {
+        if sample.unmeasured.contains(k) {
+            return false;
+        }
         let values = sample.states.iter().filter_map(|s| s.efforts.get(*k));
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), u| {
             (low.min(*u), high.max(*u))

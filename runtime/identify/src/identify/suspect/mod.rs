@@ -47,6 +47,8 @@ pub struct Sample {
     pub series_over_noise: Vec<f64>,
     /// The efforts that jump in some rows and are back in the next ones.
     pub spikes: Vec<Spikes>,
+    /// The efforts that are stated as not measured: indices into `Info::actuated`.
+    pub unmeasured: Vec<usize>,
 }
 
 /// Rows in which an effort jumps and is back in the next row.
