@@ -1,9 +1,10 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
-use regen_identify::data::{DataError, FileReport};
+use regen_codegen::robot::Robot;
+use regen_identify::data::{Assignment, DataError, FileReport, ValuesFrom};
 use regen_identify::estimate::{EffortError, EstimateError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
-use regen_identify::identify::{Options, digest};
+use regen_identify::identify::{self, Options, digest};
 use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
 use regen_identify::session::{
     self, Choice, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
@@ -13,7 +14,7 @@ use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{
     self, Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
 };
-use regen_runtime::Friction;
+use regen_runtime::{BaseModel as _, Friction, Model as _};
 
 use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, WeightingArg};
 use crate::exit::Failure;
@@ -80,6 +81,16 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         identify_loads::robot(args, &source)?
     } else {
         load::loaded_with_base(&source, args.reading.payload)?
+    };
+    let unseen = if has_loads {
+        Vec::new()
+    } else {
+        unseen(args, &robot)
+    };
+    let robot = if unseen.is_empty() {
+        robot
+    } else {
+        load::loaded_without(&source, args.reading.payload, &unseen)?
     };
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
@@ -372,6 +383,40 @@ fn factors(
     Ok((start, summary))
 }
 
+/// The base parameters that act in no equation of the logs, because of what the user says that was not
+/// measured or does not move; says how the spec leaves them out too. Empty where nothing is said, or where
+/// the logs cannot be read, which is told later.
+fn unseen(args: &IdentifyArgs, robot: &Robot) -> Vec<String> {
+    let settings = observe::settings(&args.reading);
+    let stated = |own: &Assignment| own.from != ValuesFrom::Column;
+    let stated = settings.poses || settings.columns.iter().any(stated);
+    if args.logs.is_empty() || !stated {
+        return Vec::new();
+    }
+    let terms = BaseTerms::new(robot);
+    let model = Interpreted::with_terms(robot, &terms);
+    let opened = observe::open(&model, &args.logs, &args.reading);
+    let found = opened.ok().and_then(|mut logs| {
+        let found = identify::unseen(&model, &mut logs).ok()?;
+        let base = regen_runtime::BaseModel::<f64>::base_info(&model).base;
+        let labels = found.into_iter().filter_map(|k| base.get(k));
+        let labels: Vec<String> = labels.map(|own| own.label.to_owned()).collect();
+        // with nothing left the logs are wrong
+        (labels.len() < base.len()).then_some(labels)
+    });
+    let labels = found.unwrap_or_default();
+    if !labels.is_empty() {
+        let quoted: Vec<String> = labels.iter().map(|label| format!("\"{label}\"")).collect();
+        terminal::note(&format!(
+            "these parameters act in no equation of the logs and are left out: {}. For `regen validate`, give \
+             the spec `base: {{drop: [{}]}}`",
+            labels.join(", "),
+            quoted.join(", ")
+        ));
+    }
+    labels
+}
+
 /// Least squares from logs; warns of columns that look wrong.
 fn logs(
     args: &IdentifyArgs,
@@ -428,7 +473,7 @@ fn logs(
     for text in noisy.iter().chain(&few).chain(&short) {
         terminal::note(text);
     }
-    note_unexplained(model, &start.errors);
+    note_unexplained(model, &start.measured_errors());
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::settings(&args.reading).delays;
     summary.suspicions = suspect::warn(

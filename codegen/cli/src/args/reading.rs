@@ -26,6 +26,12 @@ pub(crate) struct ReadingArgs {
     /// The index of the episode to read from LeRobot files [default: the only one]
     #[arg(long, value_name = "INDEX", hide_short_help = true)]
     pub(crate) episode: Option<u64>,
+    /// Each row is a pose at rest, with efforts that were averaged there: no time is read,
+    /// velocities and accelerations are 0
+    #[arg(long, group = "method", hide_short_help = true, conflicts_with_all = [
+        "rate", "resample", "velocities", "decimate", "period", "delay", "energy",
+    ])]
+    pub(crate) poses: bool,
     /// The rate of the rows in Hz, if no column has their time
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(crate) rate: Option<f64>,

@@ -22,6 +22,8 @@ pub(super) struct Search<'a> {
     pub(super) assignments: &'a [Assignment],
     /// Whether the time is computed from the rate and not read.
     pub(super) by_rate: bool,
+    /// Whether each row is a pose at rest, whose time does not matter.
+    pub(super) poses: bool,
     /// Whether columns of velocities and accelerations are used.
     pub(super) rates: bool,
     pub(super) join: Join,
@@ -284,6 +286,13 @@ impl<'a> Finder<'a> {
         let missing = || self.missing(&Quantity::Time, "time in s");
         let each: Option<Vec<Channel>> = self.tables.iter().map(|t| self.time_in(t)).collect();
         let several = self.tables.len() > 1;
+        if self.search.poses {
+            if self.search.join == Join::Time {
+                let why = "its files are to be joined by time, and no time is read of poses";
+                return Err(why.to_owned().into());
+            }
+            return Ok((Channel::constant(0.0), None));
+        }
         // in other files, the column with the same number may contain something else
         let named = self
             .given(&Quantity::Time)
@@ -336,6 +345,7 @@ impl<'a> Finder<'a> {
         Ok((first, None))
     }
 
+    /// The error that a quantity has no column.
     fn missing(&self, quantity: &Quantity, what: &str) -> Unfit {
         let all = listed(self.tables);
         let column = self.given(quantity).map_or_else(
@@ -348,6 +358,8 @@ impl<'a> Finder<'a> {
                 "there is no column `{column}` ({what}); there are: {all}. `regen inspect SPEC LOG --out \
                  runs.yaml` proposes columns{}, or name it with",
                 match quantity {
+                    Quantity::Time =>
+                        ", rows that are poses at rest need none with `--poses`".to_owned(),
                     Quantity::Effort(_) => format!(
                         ", `--column {quantity}=unmeasured` leaves out the equations of an effort that was \
                          not measured"
@@ -433,7 +445,9 @@ impl ColumnLayout {
             };
             measured.push(k);
             positions.push(position);
-            rates.push(if position.index.is_some() && search.rates {
+            rates.push(if search.poses {
+                (Some(Channel::constant(0.0)), Some(Channel::constant(0.0)))
+            } else if position.index.is_some() && search.rates {
                 (
                     finder.find(&Quantity::Velocity((*name).to_owned()))?,
                     finder.find(&Quantity::Acceleration((*name).to_owned()))?,

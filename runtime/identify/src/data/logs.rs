@@ -259,7 +259,8 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 all.into_iter().map(Differences::finish).collect()
             };
             let (encoders, velocity_noise) = (finish(differences), finish(of_velocities));
-            let read = |entry: &usize| !file.layout.is_constant(*entry);
+            // noise and rest are told by how a position goes on from row to row
+            let read = |entry: &usize| !(file.layout.is_constant(*entry) || settings.poses);
             let entries = file.layout.positions().zip(&file.layout.measured);
             let constant = entries.zip(&encoders);
             let constant = constant.filter(|((entry, _), encoder)| encoder.still && read(entry));

@@ -61,6 +61,13 @@ pub fn tracks(
     settings: &Settings,
     commands: &[Assignment],
 ) -> Result<(Vec<Track>, FileReport), DataError> {
+    if settings.poses {
+        return Err(DataError::ColumnLayout {
+            file: run.to_string(),
+            why: "poses at rest have no motion that could be followed: leave out `--poses`"
+                .to_owned(),
+        });
+    }
     let mut places = Places::default();
     let mut file = LogFile::with(run, settings, |tables, search| {
         let (layout, found) = layout(tables, info, search, commands)?;

@@ -197,6 +197,12 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 }
             }
             let mut rests = resting(times, positions, *encoder);
+            if self.settings.poses {
+                // what friction there is at rest was averaged out
+                rests.fill(false);
+                still.push(rests);
+                continue;
+            }
             let slowest = self
                 .sign_thresholds
                 .get(still.len())

@@ -222,7 +222,8 @@ fn one(
     }
     if node.get("column").is_none() && !node.entries().is_empty() {
         let message = "a column lacks the key 'column'".to_owned();
-        let remedy = "its name or its number; a position that is the same throughout has `constant`";
+        let remedy =
+            "its name or its number; a position that is the same throughout has `constant`";
         sink.push(node.at, path, message, remedy);
         return;
     }
@@ -295,7 +296,12 @@ fn without_column(
     for key in ["column", "factor", "offset", "gain"] {
         if let Some(other) = node.get(key) {
             let message = format!("a constant has no '{key}'");
-            sink.push(other.at, &below(path, key), message, "leave one of both out");
+            sink.push(
+                other.at,
+                &below(path, key),
+                message,
+                "leave one of both out",
+            );
             return;
         }
     }

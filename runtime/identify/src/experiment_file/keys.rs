@@ -196,6 +196,14 @@ static PROCESS: Record = record(
             "Rate of an even grid of times, Hz, onto which rows of uneven steps are interpolated",
         ),
         optional(
+            "motion",
+            Shape::Words(&[(
+                "poses",
+                "none: each row is a pose at rest, with efforts that were averaged there; no time is read",
+            )]),
+            "What the rows are; samples of a motion if missing",
+        ),
+        optional(
             "filter",
             Shape::Either(&[
                 Shape::Words(&[("none", "central differences of unfiltered positions")]),

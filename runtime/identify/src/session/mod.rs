@@ -94,6 +94,12 @@ impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
                 ),
             });
         }
+        if matches!(self.kind, EquationKind::Energy { .. }) && self.reading.poses {
+            return Err(DataError::ColumnLayout {
+                file: names.join(", "),
+                why: "poses at rest exchange no energy: use the equations of motion".to_owned(),
+            });
+        }
         self.watch.phase(&format!("checking {}", names.join(", ")));
         let logs = Logs::open(self.model, runs, &self.reading);
         self.watch.finished();

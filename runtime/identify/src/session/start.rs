@@ -55,6 +55,24 @@ pub struct LeastSquaresStart {
 }
 
 impl LeastSquaresStart {
+    /// Whether all equations of an effort are left out, and not because its joint rests: an effort acts
+    /// on them that is not measured.
+    pub fn is_unmeasured(&self, effort: usize) -> bool {
+        let rows = self.estimate.efforts.get(effort).map(|e| e.rows);
+        let resting = self
+            .left_out
+            .as_ref()
+            .and_then(|left| left.resting.get(effort));
+        rows == Some(0) && resting == Some(&0)
+    }
+
+    /// The residuals' statistics of the efforts that are measured.
+    pub fn measured_errors(&self) -> Vec<EffortError> {
+        let errors = self.errors.iter().enumerate();
+        let measured = errors.filter(|(k, _)| !self.is_unmeasured(*k));
+        measured.map(|(_, error)| error.clone()).collect()
+    }
+
     /// The start from equations of motion that were solved with their statistics.
     ///
     /// - `confidence`: the level of the intervals, in (0, 1); `method`: how they were computed, in
