@@ -14,9 +14,9 @@ use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{
     self, Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
 };
-use regen_runtime::{BaseModel as _, Friction, Model as _};
+use regen_runtime::Friction;
 
-use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, WeightingArg};
+use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, ReadingArgs, WeightingArg};
 use crate::exit::Failure;
 use crate::{
     choice, delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe,
@@ -82,6 +82,11 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     } else {
         load::loaded_with_base(&source, args.reading.payload)?
     };
+    if observe::settings(&args.reading).poses && args.physical.wanted() {
+        let text = "poses at rest show first moments only, and physical parameters need inertias too: \
+                    leave out --feasible and --friction";
+        return Err(Failure::Input(text.to_owned()));
+    }
     let unseen = if has_loads {
         Vec::new()
     } else {
@@ -339,8 +344,12 @@ fn models(
         let lags = Options::default().lags;
         let errors = session::residuals_of(session, start, &args.logs, &last, lags)?;
         summary.relative_absolute = Some(errors.relative_absolute());
-        for (effort, error) in summary.efforts.iter_mut().zip(errors.efforts()) {
-            effort.error = Some(error);
+        for error in errors.efforts() {
+            let mut efforts = summary.efforts.iter_mut();
+            // those that are not measured are not in the summary
+            if let Some(effort) = efforts.find(|own| own.name == error.name) {
+                effort.error = Some(error);
+            }
         }
     }
     Ok((last, more))
@@ -395,10 +404,15 @@ fn unseen(args: &IdentifyArgs, robot: &Robot) -> Vec<String> {
     }
     let terms = BaseTerms::new(robot);
     let model = Interpreted::with_terms(robot, &terms);
-    let opened = observe::open(&model, &args.logs, &args.reading);
+    let reading = ReadingArgs {
+        // how efforts are shifted changes no column of the regressor
+        delay: Vec::new(),
+        ..args.reading.clone()
+    };
+    let opened = observe::open(&model, &args.logs, &reading);
     let found = opened.ok().and_then(|mut logs| {
         let found = identify::unseen(&model, &mut logs).ok()?;
-        let base = regen_runtime::BaseModel::<f64>::base_info(&model).base;
+        let base = model.base_info().base;
         let labels = found.into_iter().filter_map(|k| base.get(k));
         let labels: Vec<String> = labels.map(|own| own.label.to_owned()).collect();
         // with nothing left the logs are wrong
@@ -413,6 +427,12 @@ fn unseen(args: &IdentifyArgs, robot: &Robot) -> Vec<String> {
             labels.join(", "),
             quoted.join(", ")
         ));
+        if args.physical.wanted() {
+            terminal::note(
+                "warning: physical models take the parameters that are left out as 0, so that bodies that \
+                 have only some of theirs are wrong",
+            );
+        }
     }
     labels
 }
@@ -473,7 +493,18 @@ fn logs(
     for text in noisy.iter().chain(&few).chain(&short) {
         terminal::note(text);
     }
-    note_unexplained(model, &start.measured_errors());
+    let mut errors = start.measured_errors();
+    if session.reading.poses {
+        // no weight acts along some axes, whose efforts are noise then
+        let acts = |name: &str| {
+            let efforts = start.estimate.efforts.iter().zip(&start.contained);
+            efforts
+                .filter(|(own, _)| own.name == name)
+                .all(|(_, n)| *n > 0)
+        };
+        errors.retain(|error| acts(&error.name));
+    }
+    note_unexplained(model, &errors);
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::settings(&args.reading).delays;
     summary.suspicions = suspect::warn(

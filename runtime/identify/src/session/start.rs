@@ -50,6 +50,9 @@ pub struct LeastSquaresStart {
     pub left_out: Option<LeftOut>,
     /// The estimated delays of the efforts behind the motion; empty unless the start is from logs.
     pub delays: Delays,
+    /// For each effort, the number of parameters that its equations contain; empty where that is not
+    /// known.
+    pub contained: Vec<usize>,
     /// The summaries of the logs; empty for a start from QR factors.
     pub reports: Vec<FileReport>,
 }
@@ -99,6 +102,7 @@ impl LeastSquaresStart {
             correlation_length: Some(identified.correlation_length),
             left_out: Some(identified.left_out),
             delays: identified.delays,
+            contained: identified.contained,
             reports: Vec::new(),
         }
     }
@@ -362,6 +366,7 @@ fn white<M: BaseModel<f64> + ?Sized>(
         correlation_length: None,
         left_out: None,
         delays: Delays::default(),
+        contained: Vec::new(),
         reports: Vec::new(),
     }
 }
@@ -481,6 +486,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         left_out: Some(left_out),
         data: Some(data.with_sampling(&changes)),
         delays: Delays::default(),
+        contained: Vec::new(),
         reports: logs.logs().reports().to_vec(),
     })
 }
