@@ -422,7 +422,7 @@ fn unseen(args: &IdentifyArgs, robot: &Robot) -> Vec<String> {
     if !labels.is_empty() {
         let quoted: Vec<String> = labels.iter().map(|label| format!("\"{label}\"")).collect();
         terminal::note(&format!(
-            "these parameters act in no equation of the logs and are left out: {}. For `regen validate`, give \
+            "note: these parameters act in no equation of the logs and are left out: {}. For `regen validate`, give \
              the spec `base: {{drop: [{}]}}`",
             labels.join(", "),
             quoted.join(", ")
