@@ -140,9 +140,7 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         || reading.fourier.is_some()
         || reading.butterworth.is_some()
         || reading.local.is_some();
-    if reading.no_filter {
-        settings.method = Method::Central;
-    } else if reading.poses {
+    if reading.no_filter || reading.poses {
         settings.method = Method::Central;
     } else if let Some((frequency, harmonics)) = reading.fourier {
         settings.method = Method::Fourier {

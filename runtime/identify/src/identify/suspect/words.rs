@@ -4,7 +4,7 @@ use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
 use super::positions::Contradiction;
-use super::{Change, Nominal, Reading, Sample, Shift, Spikes};
+use super::{Change, MissingConstant, Nominal, Reading, Sample, Shift, Spikes};
 use crate::data::{Assignment, Quantity};
 use crate::text;
 
@@ -222,6 +222,45 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
                     columns: Vec::new(),
                 },
             )
+        })
+    }
+
+    /// The suspicion that efforts contain constants that the model lacks; `None` if there are none.
+    pub(super) fn with_constants(&self, found: &[MissingConstant]) -> Option<Suspicion> {
+        let (mut words, mut joints, mut subtract) = (Vec::new(), Vec::new(), Vec::new());
+        for own in found {
+            let source = self.effort(own.effort);
+            let coordinate = self.model.info().actuated.get(own.effort).copied();
+            let value = text::figure_of(3, own.value / source.factor);
+            words.push(format!(
+                "column `{}` contains a constant of {value} that the model lacks",
+                source.column
+            ));
+            joints.push(format!(
+                "`{}`",
+                coordinate.map_or_else(String::new, |c| self.name(c))
+            ));
+            subtract.push(format!("{value} from column `{}`", source.column));
+        }
+        let advice = format!(
+            "Give {} `offset: true` in the spec, which identifies it, or subtract {}",
+            joints.join(" and "),
+            subtract.join(" and ")
+        );
+        (!words.is_empty()).then(|| {
+            let remedy = Remedy::Read {
+                advice: vec![advice],
+                columns: Vec::new(),
+            };
+            let [before, after] = [0, 1].map(|place| {
+                let errors = found.iter().map(|own| own.errors[place]);
+                Some(100.0 * errors.fold(0.0, f64::max))
+            });
+            Suspicion {
+                error: before,
+                changed: after,
+                ..self.suspicion(words.join(", and "), remedy)
+            }
         })
     }
 
