@@ -139,11 +139,13 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     if let Some(velocities) = reading.velocities {
         settings.measured_rates = Some(velocities == VelocitiesArg::Measured);
     }
+    settings.poses |= reading.poses;
     settings.is_method_given |= reading.no_filter
+        || settings.poses
         || reading.fourier.is_some()
         || reading.butterworth.is_some()
         || reading.local.is_some();
-    if reading.no_filter {
+    if reading.no_filter || reading.poses {
         settings.method = Method::Central;
     } else if let Some((frequency, harmonics)) = reading.fourier {
         settings.method = Method::Fourier {

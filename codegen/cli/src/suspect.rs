@@ -75,6 +75,26 @@ pub(crate) fn warn(
     out
 }
 
+/// Prints which position contradicts the others in each log, where no filter could be chosen for them.
+pub(crate) fn warn_of_contradictions(args: &IdentifyArgs, model: &Interpreted<'_>) {
+    let opened = observe::open(model, &args.logs, &args.reading);
+    let Some(logs) = opened.ok().filter(|_| !args.no_suspicion) else {
+        return;
+    };
+    let given = observe::settings(&args.reading).columns;
+    for (k, report) in logs.logs().reports().iter().enumerate() {
+        let columns = LogColumns {
+            file: &report.file,
+            given: &given,
+            model,
+        };
+        let sample = logs.logs().sample(k).ok();
+        if let Some(found) = sample.and_then(|own| suspect::contradiction(&columns, &own)) {
+            terminal::note(&format!("warning: {}", with_options(found)));
+        }
+    }
+}
+
 /// The suspected mistakes in logs. Without an estimate they are found from the weights and inertias
 /// of the nominal bodies.
 ///

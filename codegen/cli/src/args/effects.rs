@@ -6,11 +6,12 @@ use clap::parser::ValueSource;
 use crate::exit::Failure;
 
 /// Options of reading logs.
-const READING: [&str; 21] = [
+const READING: [&str; 22] = [
     "folder",
     "column",
     "topic",
     "episode",
+    "poses",
     "rate",
     "resample",
     "velocities",

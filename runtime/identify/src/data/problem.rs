@@ -279,6 +279,12 @@ impl Problems {
         self.first.extend(fresh.first.iter().cloned());
     }
 
+    /// Whether there are rows at whose states the loops do not close.
+    pub fn has_open(&self) -> bool {
+        let open = Fault::Open { why: String::new() }.kind();
+        self.counts.iter().any(|(kind, _)| kind == open)
+    }
+
     /// The number of rows with problems, over all kinds.
     pub fn total(&self) -> usize {
         self.counts.iter().map(|(_, count)| count).sum()

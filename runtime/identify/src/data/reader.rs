@@ -121,6 +121,8 @@ pub(super) struct LogFile {
     pub(super) tables: Vec<Table>,
     /// The rate of the rows, Hz, where there is no column of time.
     pub(super) rate: Option<f64>,
+    /// Whether each row is a pose of its own.
+    pub(super) poses: bool,
     /// The rate of the even grid that rows are interpolated onto, Hz.
     resample: Option<f64>,
     /// Which doubtful rows are used.
@@ -181,6 +183,7 @@ impl LogFile {
         let search = Search {
             assignments: &settings.columns,
             by_rate: settings.rate.is_some(),
+            poses: settings.poses,
             rates: settings.measured_rates.unwrap_or(true),
             join: run.join,
         };
@@ -194,7 +197,12 @@ impl LogFile {
             layout: found,
             run: run.clone(),
             tables,
-            rate: settings.rate,
+            rate: if settings.poses {
+                Some(1.0)
+            } else {
+                settings.rate
+            },
+            poses: settings.poses,
             resample: settings.resample,
             used_faults: settings.used_faults(),
             bridging: settings.bridging(),
@@ -219,6 +227,7 @@ impl LogFile {
         let velocities = positions.clone().zip(&self.layout.velocities);
         let with_rates: Vec<(usize, usize)> = velocities
             .filter_map(|(entry, v)| Some((entry, (*v)?)))
+            .filter(|(entry, _)| !self.layout.is_constant(*entry))
             .collect();
         let mut accelerations = Rates::default();
         let entries = self
@@ -229,6 +238,7 @@ impl LogFile {
         let with_accelerations: Vec<(usize, usize, usize)> = entries
             .enumerate()
             .filter_map(|(k, (v, a))| Some((k, (*v)?, (*a)?)))
+            .filter(|(_, v, _)| !self.layout.is_constant(*v))
             .collect();
         let mut rate_row = Vec::new();
         let mut last_time = None;
@@ -249,7 +259,7 @@ impl LogFile {
                 let time = row.values[0];
                 let (first, last) = range.unwrap_or((time, time));
                 range = Some((first.min(time), last.max(time)));
-                if last_time.is_none_or(|last| time <= last) {
+                if self.poses || last_time.is_none_or(|last| time <= last) {
                     histories.iter_mut().for_each(PositionHistory::pause);
                     bursts.iter_mut().for_each(BurstFinder::pause);
                     finder.pause();

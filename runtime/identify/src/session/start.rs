@@ -51,6 +51,9 @@ pub struct LeastSquaresStart {
     pub left_out: Option<LeftOut>,
     /// The estimated delays of the efforts behind the motion; empty unless the start is from logs.
     pub delays: Delays,
+    /// For each effort, the number of parameters that its equations contain; empty where that is not
+    /// known.
+    pub contained: Vec<usize>,
     /// The summaries of the logs; empty for a start from QR factors.
     pub reports: Vec<FileReport>,
     /// What was added to each parameter since noise of the motion biases it; empty where that is not known.
@@ -58,6 +61,24 @@ pub struct LeastSquaresStart {
 }
 
 impl LeastSquaresStart {
+    /// Whether all equations of an effort are left out, and not because its joint rests: an effort acts
+    /// on them that is not measured.
+    pub fn is_unmeasured(&self, effort: usize) -> bool {
+        let rows = self.estimate.efforts.get(effort).map(|e| e.rows);
+        let resting = self
+            .left_out
+            .as_ref()
+            .and_then(|left| left.resting.get(effort));
+        rows == Some(0) && resting == Some(&0)
+    }
+
+    /// The residuals' statistics of the efforts that are measured.
+    pub fn measured_errors(&self) -> Vec<EffortError> {
+        let errors = self.errors.iter().enumerate();
+        let measured = errors.filter(|(k, _)| !self.is_unmeasured(*k));
+        measured.map(|(_, error)| error.clone()).collect()
+    }
+
     /// The start from equations of motion that were solved with their statistics.
     ///
     /// - `confidence`: the level of the intervals, in (0, 1); `method`: how they were computed, in
@@ -84,6 +105,7 @@ impl LeastSquaresStart {
             correlation_length: Some(identified.correlation_length),
             left_out: Some(identified.left_out),
             delays: identified.delays,
+            contained: identified.contained,
             reports: Vec::new(),
             correction: Vec::new(),
         }
@@ -416,6 +438,7 @@ fn white<M: BaseModel<f64> + ?Sized>(
         correlation_length: None,
         left_out: None,
         delays: Delays::default(),
+        contained: Vec::new(),
         reports: Vec::new(),
         correction: Vec::new(),
     }
@@ -536,6 +559,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         left_out: Some(left_out),
         data: Some(data.with_sampling(&changes)),
         delays: Delays::default(),
+        contained: Vec::new(),
         reports: logs.logs().reports().to_vec(),
         correction: Vec::new(),
     })

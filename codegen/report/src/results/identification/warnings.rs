@@ -167,7 +167,7 @@ pub fn too_short(deviations: &Deviations) -> Option<String> {
 /// the parameters fit them by chance. `None` where all have more than there are parameters.
 pub fn too_few(start: &LeastSquaresStart) -> Option<String> {
     let left = start.left_out.as_ref()?;
-    few_equations(&start.errors, start.estimate.values.len(), left)
+    few_equations(&start.measured_errors(), start.estimate.values.len(), left)
 }
 
 fn few_equations(errors: &[EffortError], parameters: usize, left: &LeftOut) -> Option<String> {

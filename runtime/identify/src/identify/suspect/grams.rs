@@ -14,6 +14,9 @@ pub(super) struct Grams {
     efforts: usize,
     /// The indices of the efforts that act on each equation.
     acting: Vec<Vec<usize>>,
+    /// Whether each equation is left out, as an effort acts on it that is not measured; it has no error
+    /// then.
+    left_out: Vec<bool>,
     matrices: Vec<Vec<f64>>,
     /// The number of states in the sums.
     count: f64,
@@ -52,7 +55,7 @@ const POSTURES: usize = 16;
 const MIN_CLOSED_PART: f64 = 0.8;
 /// The most continuation steps to a state: enough for a path of tens of rad. Columns that are wrong
 /// lead to states that do not close, and a search to the end takes thousands of steps for each.
-const MAX_STEPS: usize = 200;
+pub(super) const MAX_STEPS: usize = 200;
 /// How many more states than the rest of [`MIN_CLOSED_PART`] may fail before a hypothesis is given up.
 const SPARE_FAILURES: usize = 4;
 /// The largest distance of measured coordinates, more than needed, from the closed state that is
@@ -185,6 +188,7 @@ impl Grams {
             columns,
             efforts,
             acting: Vec::new(),
+            left_out: vec![false; dof],
             matrices: Vec::new(),
             count: 0.0,
             tried: 0,
@@ -256,6 +260,12 @@ impl Grams {
                 out.acting = (0..dof)
                     .map(|i| if whole { acts(i) } else { all.clone() })
                     .collect();
+                for (acting, left_out) in out.acting.iter_mut().zip(&mut out.left_out) {
+                    *left_out = acting.iter().any(|k| sample.unmeasured.contains(k));
+                    if *left_out {
+                        acting.clear();
+                    }
+                }
                 let sizes = (0..dof).map(|i| out.size(i));
                 out.matrices = sizes.map(|n| vec![0.0; n * n]).collect();
             }
@@ -264,6 +274,9 @@ impl Grams {
             }
             out.count += 1.0;
             for i in 0..dof {
+                if out.left_out[i] {
+                    continue;
+                }
                 entries.clear();
                 entries.extend(w.iter().skip(i).step_by(dof));
                 let mut tau = 0.0;
@@ -380,6 +393,13 @@ impl Grams {
         let mut places = Vec::with_capacity(rows);
         let (mut squares, mut spreads, mut sides) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..rows {
+            if self.left_out[i] {
+                places.push(vec![None; n]);
+                squares.push(0.0);
+                spreads.push(1.0);
+                sides.push(vec![0.0; n]);
+                continue;
+            }
             let mut place: Vec<Option<usize>> = (0..self.columns)
                 .map(|c| (Some(c) != zero).then_some(c))
                 .collect();
@@ -468,6 +488,9 @@ impl Grams {
         offsets: &[usize],
     ) -> Option<Vec<f64>> {
         let one = |i: usize| {
+            if self.left_out[i] {
+                return Some(0.0);
+            }
             let last = self.size(i) - 1;
             let constants = offsets.iter().filter_map(|k| self.constant(i, *k));
             let separate: Vec<usize> = (0..self.columns)

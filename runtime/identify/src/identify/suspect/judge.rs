@@ -5,7 +5,7 @@ use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use super::words::{LogColumns, rounded};
-use super::{Findings, Nominal, Sample, look};
+use super::{Findings, Nominal, Sample, look, positions};
 use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
@@ -194,6 +194,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if !out.is_empty() {
         return out;
     }
+    // hypotheses that are judged by the efforts cannot tell with states that contradict themselves
+    out.extend(contradiction(columns, sample));
+    if !out.is_empty() {
+        return out;
+    }
     let own: Vec<f64> = info
         .actuated
         .iter()
@@ -227,6 +232,9 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(columns.shifted(&findings.shifts));
     }
     if out.is_empty() {
+        out.extend(columns.with_constants(&findings.constants));
+    }
+    if out.is_empty() {
         out.extend(findings.negative.iter().map(|negative| {
             columns.suspicion(
                 format!(
@@ -247,6 +255,16 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(missed_by_series(columns, sample, &findings.errors));
     }
     out
+}
+
+/// The suspicion that one position contradicts the others where more are measured than needed, by the
+/// loops alone; `None` if they agree, or no unit, sign or offset of a single one makes them agree.
+pub fn contradiction<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let found = positions::contradiction(columns.model, sample)?;
+    columns.contradicting(sample, found)
 }
 
 /// Whether the times are in another unit than s.
@@ -291,6 +309,9 @@ fn unmeasured<M: BaseModel<f64> + ?Sized>(
     sample: &Sample,
 ) -> Option<Suspicion> {
     let is_constant = |k: &usize| {
+        if sample.unmeasured.contains(k) {
+            return false;
+        }
         let values = sample.states.iter().filter_map(|s| s.efforts.get(*k));
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), u| {
             (low.min(*u), high.max(*u))

@@ -15,8 +15,8 @@ mod positions;
 mod trial;
 mod words;
 
-pub use facts::{NegativeParameter, Nominal, Shift};
-pub use judge::{EffortChange, Remedy, Suspicion, suspicions};
+pub use facts::{MissingConstant, NegativeParameter, Nominal, Shift};
+pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
 pub use trial::{Trial, trial, weightless};
 pub use words::LogColumns;
 
@@ -47,6 +47,8 @@ pub struct Sample {
     pub series_over_noise: Vec<f64>,
     /// The efforts that jump in some rows and are back in the next ones.
     pub spikes: Vec<Spikes>,
+    /// The efforts that are stated as not measured: indices into `Info::actuated`.
+    pub unmeasured: Vec<usize>,
 }
 
 /// Rows in which an effort jumps and is back in the next row.
@@ -130,6 +132,8 @@ pub struct Findings {
     /// Efforts with a constant offset that direction-dependent friction has absorbed; only where no
     /// change explains them.
     pub shifts: Vec<Shift>,
+    /// Constants in efforts that the model lacks; only where no change explains the errors.
+    pub constants: Vec<MissingConstant>,
 }
 
 /// The largest number of states used for hypotheses on efforts; more are not needed.
@@ -200,6 +204,9 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
         if let Some(fit) = grams.fit(&read, &[]) {
             out.driving = facts::driving(model, grams, &fit);
         }
+    }
+    if let (None, Some(grams), Some(now)) = (&best, &grams, &fits) {
+        out.constants = facts::constants(model, grams, now);
     }
     if let (None, Some(grams), Some(now), Some((values, sigmas))) = (&best, &grams, &fits, estimate)
     {

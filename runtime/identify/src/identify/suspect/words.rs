@@ -3,7 +3,8 @@
 use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
-use super::{Change, Nominal, Reading, Sample, Shift, Spikes};
+use super::positions::Contradiction;
+use super::{Change, MissingConstant, Nominal, Reading, Sample, Shift, Spikes};
 use crate::data::{Assignment, Quantity};
 use crate::text;
 
@@ -14,6 +15,13 @@ const UNITS: [(f64, &str); 5] = [
     (std::f64::consts::PI / 180.0, "in degrees"),
     (9.806_65, "in kgf"),
     (0.01, "in cm"),
+];
+
+/// The same for positions.
+const POSITION_UNITS: [(f64, &str); 3] = [
+    (std::f64::consts::PI / 180.0, "to be in degrees"),
+    (1e-3, "to be in mm"),
+    (0.01, "to be in cm"),
 ];
 
 /// The evidence of the nominal bodies for the signs that a change flips, where they agree with it.
@@ -106,6 +114,51 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         }
     }
 
+    /// The suspicion that a position contradicts the others, which are enough to know it.
+    pub(super) fn contradicting(&self, sample: &Sample, found: Contradiction) -> Option<Suspicion> {
+        let name = self.name(*sample.measured.get(found.place)?);
+        let source = self.source(&Quantity::Position(name.clone()));
+        let known = POSITION_UNITS.iter().find_map(|(factor, words)| {
+            let near = (found.factor.abs() * factor - 1.0).abs() < 0.02;
+            near.then_some((factor.copysign(found.factor), *words))
+        });
+        let one = (found.factor.abs() - 1.0).abs() < 0.02;
+        let shifted = one && found.factor > 0.0;
+        let (factor, words) = match known {
+            _ if shifted => (1.0, format!("is {} off", text::figure(found.offset))),
+            _ if one => (-1.0, "has the other sign".to_owned()),
+            Some((factor, words)) => (factor, format!("looks {words}")),
+            None => {
+                let times = text::figure_of(3, found.factor);
+                (
+                    rounded(1.0 / found.factor),
+                    format!("is {times} times that"),
+                )
+            }
+        };
+        let column = &source.column;
+        let what = format!(
+            "column `{column}` contradicts the other positions, which determine `{name}` without it: it \
+             {words}"
+        );
+        let remedy = if shifted {
+            let offset = text::figure(source.offset - found.offset);
+            Remedy::Read {
+                advice: vec![format!(
+                    "Give `{name}` in the columns of the experiment file `offset: {offset}`, or leave \
+                     the column out"
+                )],
+                columns: Vec::new(),
+            }
+        } else {
+            Remedy::columns(vec![Assignment {
+                factor: source.factor * factor,
+                ..source
+            }])
+        };
+        Some(self.suspicion(what, remedy))
+    }
+
     /// The suspicion that these efforts are not what acted in some rows.
     pub(super) fn spikes(&self, spikes: &[Spikes]) -> Option<Suspicion> {
         let one = |own: &Spikes| {
@@ -169,6 +222,45 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
                     columns: Vec::new(),
                 },
             )
+        })
+    }
+
+    /// The suspicion that efforts contain constants that the model lacks; `None` if there are none.
+    pub(super) fn with_constants(&self, found: &[MissingConstant]) -> Option<Suspicion> {
+        let (mut words, mut joints, mut subtract) = (Vec::new(), Vec::new(), Vec::new());
+        for own in found {
+            let source = self.effort(own.effort);
+            let coordinate = self.model.info().actuated.get(own.effort).copied();
+            let value = text::figure_of(3, own.value / source.factor);
+            words.push(format!(
+                "column `{}` contains a constant of {value} that the model lacks",
+                source.column
+            ));
+            joints.push(format!(
+                "`{}`",
+                coordinate.map_or_else(String::new, |c| self.name(c))
+            ));
+            subtract.push(format!("{value} from column `{}`", source.column));
+        }
+        let advice = format!(
+            "Give {} `offset: true` in the spec, which identifies it, or subtract {}",
+            joints.join(" and "),
+            subtract.join(" and ")
+        );
+        (!words.is_empty()).then(|| {
+            let remedy = Remedy::Read {
+                advice: vec![advice],
+                columns: Vec::new(),
+            };
+            let [before, after] = [0, 1].map(|place| {
+                let errors = found.iter().map(|own| own.errors[place]);
+                Some(100.0 * errors.fold(0.0, f64::max))
+            });
+            Suspicion {
+                error: before,
+                changed: after,
+                ..self.suspicion(words.join(", and "), remedy)
+            }
         })
     }
 
