@@ -96,7 +96,12 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     } else {
         let session = session(&args, &model);
         let open = choice::open(&args.reading, is_loss_open(&args));
-        choice::made(&mut args.reading, &session, &args.logs, open)?
+        let logs = args.logs.clone();
+        let made = choice::made(&mut args.reading, &session, &logs, open);
+        if made.is_err() {
+            suspect::warn_without_choice(&args, &model);
+        }
+        made?
     };
     args.huber = args.huber.or(filter.as_ref().and_then(Choice::huber));
     let args = &args;
@@ -390,17 +395,18 @@ fn logs(
             error,
             SessionError::Data(DataError::Estimate(EstimateError::NoConvergence))
         );
-        if unusable || is_unsolved {
-            suspect::warn(args, model, logs.logs(), None);
-        } else {
-            observe::note_problems(logs.logs().reports());
-        }
         let is_undetermined = matches!(
             error,
             SessionError::Data(DataError::Estimate(
                 EstimateError::Undetermined { .. } | EstimateError::TooShort { .. }
             ))
         );
+        if !unusable && !is_unsolved {
+            observe::note_problems(logs.logs().reports());
+        }
+        if unusable || is_unsolved || is_undetermined {
+            suspect::warn(args, model, logs.logs(), None);
+        }
         let failure = Failure::from(error);
         if is_undetermined {
             observe::with_still(failure, logs.logs().reports())

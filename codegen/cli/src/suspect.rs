@@ -16,6 +16,10 @@ pub(crate) use gravity::OtherSpecs;
 use crate::args::IdentifyArgs;
 use crate::{observe, progress, terminal};
 
+/// The cutoff, in the rate of the rows, and the order of the filter where none could be chosen.
+const LOW_CUTOFF: f64 = 0.05;
+const FILTER_ORDER: usize = 4;
+
 /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
 fn with_options(found: suspect::Suspicion) -> Suspected {
     let remedy = match &found.remedy {
@@ -73,6 +77,21 @@ pub(crate) fn warn(
         terminal::note(&format!("warning: {suspicion}"));
     }
     out
+}
+
+/// Prints what looks wrong with logs for which no filter could be chosen, behind a low one, as columns of
+/// wrong signs or units may be why.
+pub(crate) fn warn_without_choice(args: &IdentifyArgs, model: &Interpreted<'_>) {
+    let mut args = args.clone();
+    let opened = observe::open(model, &args.logs, &args.reading).ok();
+    let step = opened.and_then(|opened| Some(opened.logs().sample(0).ok()?.step));
+    let Some(step) = step.filter(|step| *step > 0.0) else {
+        return;
+    };
+    args.reading.butterworth = Some((LOW_CUTOFF / step, FILTER_ORDER));
+    if let Ok(opened) = observe::open(model, &args.logs, &args.reading) {
+        warn(&args, model, opened.logs(), None);
+    }
 }
 
 /// The suspected mistakes in logs. Without an estimate they are found from the weights and inertias

@@ -47,8 +47,8 @@ ROUNDS = 4
 TIMED = 5  # one of so many logs is fitted without the checks, too
 # the options of advice that are applied as they are printed
 OPTION = re.compile(
-    r"--column '[^']+'|--(?:problems|outliers|saturated|stuck|gaps|standstill|delay|rate|huber|velocities|butterworth"
-    r"|fourier)[ =][\w.,:-]*\w"
+    r"--column (?:'[^']+'|[\w.]+=[\w.:*/^-]*\w)|--(?:problems|outliers|saturated|stuck|gaps|standstill|delay|huber"
+    r"|velocities)[ =][\w.,:-]*\w|--(?:rate|fourier|butterworth)[ =][\d.]+"
 )
 
 
@@ -82,9 +82,18 @@ def warned(text):
 
 def tells(text, columns, words):
     """Whether a message names one of the columns, or the kind."""
-    said = "\n".join(t for t in warned(text) if "too few to know how uncertain" not in t)
-    named = any(re.search(rf"(?<![\w]){re.escape(c)}(?![\w])", said) for c in columns)
-    return named or re.search(words, said) is not None
+    said = [t for t in warned(text) if "too few to know how uncertain" not in t]
+
+    def named(names, text):
+        return any(re.search(rf"(?<!\w){re.escape(c)}(?!\w)", text) for c in names)
+
+    # what is left of efforts is told by their joints
+    left = next((t for t in said if "does not explain these efforts" in t), None)
+    joints = [re.sub("^(tau|qd)_", "", c) for c in columns]
+    if left and (not columns or named(joints, left)):
+        return True
+    said = "\n".join(said)
+    return named(columns, said) or re.search(words, said) is not None
 
 
 def good(figures, clean):
@@ -132,14 +141,16 @@ class Trial:
 def advised(text, options, log):
     """Applies what the messages advise: the new options, and whether anything was to be applied."""
     said = "\n".join(warned(text))
-    more, changed = dict(options), False
+    more, changed, seen = dict(options), False, set()
     for found in OPTION.findall(said):
         words = shlex.split(found.replace("=", " ", 1) if not found.startswith("--column") else found)
         if len(words) != 2:
             continue
         key = (words[0], words[1].split("=")[0]) if words[0] == "--column" else words[0]
-        if more.get(key) != words:
+        # of alternatives the first one
+        if key not in seen and more.get(key) != words:
             more[key], changed = words, True
+        seen.add(key)
     new = re.search(r"`(gravity: \[[^`]*\])`", said)
     if new:
         log.spec = re.sub(r"(?m)^gravity:(.*\n)(- .*\n)*", new[1] + "\n", log.spec)

@@ -63,7 +63,7 @@ def unit_of_positions(log, random):
     if random.uniform() < 0.5:
         chosen = some(random, chosen, most=1)
     log.table[:, chosen] *= 1000 if kind == "prismatic" else TURN
-    return told_by(log, chosen, r"degrees|in mN m or mm|`t` looks like|closes? at no|loops? (do|does) not close")
+    return told_by(log, chosen, r"degrees|in mN m or mm|`t` looks like|loops? (do|does|cannot be) (not )?closed?|are not closed")
 
 
 def unit_of_an_effort(log, random):
@@ -95,7 +95,7 @@ def sign_of_efforts(log, random):
 def sign_of_positions(log, random):
     chosen = some(random, log.of(""), most=2 if len(log.of("")) > 2 else 1)
     log.table[:, chosen] *= -1
-    return told_by(log, chosen, r"signs? .*flipped|loops? (do|does) not close")
+    return told_by(log, chosen, r"signs? .*flipped|loops? (do|does|cannot be) (not )?closed?|are not closed")
 
 
 def sign_of_a_velocity(log, random):
@@ -110,7 +110,7 @@ def permuted(log, random, prefix):
     chosen = some(random, places, least=2)
     shift = int(random.integers(1, len(chosen)))
     log.table[:, chosen] = log.table[:, chosen[shift:] + chosen[:shift]]
-    return told_by(log, chosen, r"swapped|loops? (do|does) not close")
+    return told_by(log, chosen, r"swapped|loops? (do|does|cannot be) (not )?closed?|are not closed")
 
 
 def permutation_of_efforts(log, random):
@@ -131,7 +131,7 @@ def offset_of_a_position(log, random):
     chosen = some(random, log.of(""), most=1)
     size = random.uniform(0.1, 0.6) if log.joints[log.names[chosen[0]]] == "revolute" else random.uniform(0.03, 0.2)
     log.table[:, chosen] += random.choice([-1, 1]) * size
-    return told_by(log, chosen, r"offset|shifted|loops? (do|does) not close")
+    return told_by(log, chosen, r"offset|shifted|loops? (do|does|cannot be) (not )?closed?|are not closed")
 
 
 def constant_column(log, random):

@@ -38,6 +38,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         };
         let mut out = Sample {
             measured: log.file.layout.measured.clone(),
+            titles: log.file.layout.header.clone(),
             time_column: log.file.layout.time_column().map(str::to_owned),
             doubted_rate: log.survey.doubted_rate.clone(),
             step: log.survey.time_step(),

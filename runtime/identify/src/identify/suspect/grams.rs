@@ -373,6 +373,32 @@ impl Grams {
         self.solve(read, &[], Some(column))
     }
 
+    /// The error of equation `i`, solved alone, if its effort is read from the column of the effort `from`.
+    pub(super) fn error_of(&self, i: usize, from: usize) -> Option<f64> {
+        let n = self.columns;
+        let mut gram = vec![0.0; n * n];
+        for a in 0..n {
+            for b in 0..=a {
+                gram[a * n + b] = self.entry(i, a, b);
+            }
+        }
+        let mut read = Reading::plain(self.efforts);
+        let own = self.only_effort(i)?;
+        read[own].from = from;
+        let side = self.side(i, &read);
+        let last = self.size(i) - 1;
+        let right: Vec<f64> = (0..n)
+            .map(|p| self.product(i, &[(p, 1.0)], &side))
+            .collect();
+        let square = self.product(i, &side, &side);
+        let mean = self.product(i, &side, &[(last, 1.0)]);
+        let spread = (square - mean * mean / self.count).max(1e-6 * square);
+        let values = solve(&mut gram, &right)?;
+        let places: Vec<Option<usize>> = (0..n).map(Some).collect();
+        let left = self.squared_residuals(i, &places, &values, square, &right);
+        (spread > 0.0).then(|| (left / spread).sqrt())
+    }
+
     fn solve(&self, read: &[Reading], offsets: &[usize], zero: Option<usize>) -> Option<Fit> {
         let n = self.columns + offsets.len();
         let rows = self.rows();

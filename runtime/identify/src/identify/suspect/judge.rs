@@ -213,8 +213,13 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     }
     if out.is_empty()
         && let Some((values, sigmas)) = estimate
-        && has_negative_inertia(model, values, sigmas)
+        && let negative = negative_inertias(model, values, sigmas)
+        && !negative.is_empty()
     {
+        if negative.len() < info.dof() {
+            out.push(columns.light(&negative));
+            return out;
+        }
         let all: Vec<usize> = (0..info.actuated.len()).collect();
         out.push(columns.suspicion(
             "these parameters make every inertia negative: the signs of all efforts, or of all \
@@ -511,26 +516,29 @@ fn inertia<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64]) -> Option<Vec<
     Some(mass.into_iter().step_by(dof + 1).collect())
 }
 
-/// Whether a fit makes the inertia of every coordinate negative, by more than the standard
-/// deviations of the parameters allow: then the signs of all efforts, or of all positions, are
-/// flipped.
-fn has_negative_inertia<M: BaseModel<f64> + ?Sized>(
+/// The independent coordinates whose inertia a fit makes negative, by more than the standard deviations of
+/// the parameters allow; where all are, the signs of all efforts, or of all positions, are flipped.
+fn negative_inertias<M: BaseModel<f64> + ?Sized>(
     model: &M,
     values: &[f64],
     sigmas: &[f64],
-) -> bool {
+) -> Vec<usize> {
     let Some(mut inertia) = inertia(model, values) else {
-        return false;
+        return Vec::new();
     };
     for (k, sigma) in sigmas.iter().enumerate() {
         let mut unit = vec![0.0; values.len()];
         unit[k] = *sigma;
         let Some(part) = self::inertia(model, &unit) else {
-            return false;
+            return Vec::new();
         };
         for (m, part) in inertia.iter_mut().zip(part) {
             *m += part.abs();
         }
     }
-    !inertia.is_empty() && inertia.iter().all(|m| *m < 0.0)
+    let light = inertia.iter().enumerate().filter(|(_, m)| **m < 0.0);
+    let independent = model.info().independent;
+    light
+        .filter_map(|(k, _)| independent.get(k).copied())
+        .collect()
 }

@@ -30,6 +30,8 @@ pub struct Sample {
     pub measured: Vec<usize>,
     /// The states.
     pub states: Vec<Measured>,
+    /// The titles of all columns of the log.
+    pub titles: Vec<String>,
     /// The title of the column of times, where it was found without being assigned.
     pub time_column: Option<String>,
     /// A column of velocities or accelerations that is a multiple of the derivative, in words, and

@@ -161,6 +161,16 @@ fn explained<M: BaseModel<f64> + ?Sized>(
     })
 }
 
+/// Whether a measured coordinate moves: another unit of one that does not is only another posture.
+fn moves(sample: &Sample, k: usize) -> bool {
+    let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+        (low.min(*x), high.max(*x))
+    });
+    // a filter leaves rounding errors
+    high - low > 1e-9 * low.abs().max(high.abs())
+}
+
 /// All hypotheses on the units, the signs and the exchange of positions, starting from these
 /// readings.
 fn candidates<M: BaseModel<f64> + ?Sized>(
@@ -204,7 +214,12 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
             out.push(plain(scaled(&|c| motion(c) == kind), 1));
         }
     }
-    for (k, c) in sample.measured.iter().enumerate() {
+    for (k, c) in sample
+        .measured
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| moves(sample, *k))
+    {
         if sample.measured.len() > 1 {
             out.push(plain(scaled(&|other| other == *c), 1));
         }

@@ -3,12 +3,14 @@
 
 use super::grams::Grams;
 use super::words::LogColumns;
-use super::{EffortChange, Reading, Remedy, STATES, Sample, Suspicion, quality};
+use super::{EffortChange, Reading, Remedy, STATES, Sample, Suspicion, implausible_count, quality};
 use regen_runtime::BaseModel;
 
 /// The factor by which another gravity must reduce the product of errors, as half of it is not an
 /// accident.
 const MIN_GAIN: f64 = 2.0;
+/// The same, where it leaves fewer inertias negative.
+const MIN_GAIN_IF_PLAUSIBLE: f64 = 1.3;
 /// A change of the spec may increase the product of errors by this factor if the nominal bodies then
 /// explain the efforts.
 const MAX_LOSS: f64 = 1.05;
@@ -27,6 +29,8 @@ pub struct Trial {
     /// What the nominal bodies leave of the effort of each equation, over the same; empty where they
     /// are not known.
     pub nominal: Vec<f64>,
+    /// How many directions have a negative inertia, and how many joints are driven by their friction.
+    pub implausible: usize,
 }
 
 /// Fits a model to a sample of a log; `None` where the loops do not close or an effort is constant.
@@ -43,8 +47,10 @@ fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Grams
 /// The fit with a free constant in some efforts.
 fn of<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, offsets: &[usize]) -> Option<Trial> {
     let read = Reading::plain(model.info().actuated.len());
+    let fit = grams.fit(&read, offsets)?;
     Some(Trial {
-        errors: grams.fit(&read, offsets)?.errors,
+        implausible: implausible_count(model, grams, &fit),
+        errors: fit.errors,
         nominal: grams
             .errors_of_nominal(model, &read, offsets)
             .unwrap_or_default(),
@@ -76,7 +82,12 @@ impl Trial {
         let by_nominal = known && explained && nominal >= MIN_GAIN_OF_NOMINAL;
         // bodies that fitted before are not those of a robot under another gravity
         let against = known && nominal < 1.0 / MIN_GAIN;
-        ((gain >= MIN_GAIN && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
+        let needed = if self.implausible < other.implausible {
+            MIN_GAIN_IF_PLAUSIBLE
+        } else {
+            MIN_GAIN
+        };
+        ((gain >= needed && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
             .then_some(gain * if known { nominal } else { 1.0 })
     }
 

@@ -135,6 +135,23 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         })
     }
 
+    /// The suspicion that something is of the wrong sign, as these coordinates have negative inertias.
+    pub(super) fn light(&self, coordinates: &[usize]) -> Suspicion {
+        let names = coordinates.iter().map(|c| format!("`{}`", self.name(*c)));
+        let names = names.collect::<Vec<_>>().join(", ");
+        self.suspicion(
+            format!("these parameters make the inertia of {names} negative"),
+            Remedy::Read {
+                advice: vec![
+                    "The sign of an effort or of a position, the delay of an effort or the spec's \
+                     gravity may be wrong"
+                        .to_owned(),
+                ],
+                columns: Vec::new(),
+            },
+        )
+    }
+
     /// The suspicion that these efforts have constant offsets, which direction-dependent friction
     /// has absorbed; `None` if there are none.
     pub(super) fn shifted(&self, shifts: &[Shift]) -> Option<Suspicion> {
@@ -196,6 +213,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let mut words = Vec::new();
         let mut columns = Vec::new();
         self.describe(&positions, &change.positions, &[], &mut words, &mut columns);
+        columns.extend(self.with_derivatives(&columns, sample));
         self.describe(&efforts, &change.efforts, &own, &mut words, &mut columns);
         let mut advice = Vec::new();
         let mut shifted = Vec::new();
@@ -256,6 +274,36 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             efforts: each.collect(),
             remedy: Remedy::Read { advice, columns },
         })
+    }
+
+    /// The assignments of the velocities and accelerations that the log has, which agree with its positions,
+    /// where these are read in another way.
+    fn with_derivatives(&self, positions: &[Assignment], sample: &Sample) -> Vec<Assignment> {
+        let kinds: [fn(String) -> Quantity; 2] = [Quantity::Velocity, Quantity::Acceleration];
+        let names = |of: &Quantity| of.coordinate().map(str::to_owned);
+        let measured = sample.measured.iter().map(|c| self.name(*c));
+        let sources: Vec<(String, Assignment)> = measured
+            .map(|name| (name.clone(), self.source(&Quantity::Position(name))))
+            .collect();
+        let mut out = Vec::new();
+        for (new, kind) in positions
+            .iter()
+            .flat_map(|new| kinds.map(|kind| (new, kind)))
+        {
+            let from = sources.iter().find(|(_, own)| own.column == new.column);
+            let (Some(to), Some((from, old))) = (names(&new.quantity), from) else {
+                continue;
+            };
+            let source = self.source(&kind(from.clone()));
+            if sample.titles.contains(&source.column) {
+                out.push(Assignment {
+                    quantity: kind(to),
+                    factor: source.factor * new.factor / old.factor,
+                    ..source
+                });
+            }
+        }
+        out
     }
 
     /// Appends the words and the assignments for the changed quantities of one kind.
