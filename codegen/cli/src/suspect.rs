@@ -41,6 +41,9 @@ fn with_options(found: suspect::Suspicion) -> Suspected {
                            or parts of the log are not periodic: give --fourier the motion's \
                            frequency, or use --butterworth"
             .to_owned(),
+        Remedy::Bounded => {
+            "Give --huber 1.345, which bounds their weight, or leave these rows out".to_owned()
+        }
         _ => "The cause may be the sign or the delay of an effort, an offset, or a motion that \
               does not determine it separately; --feasible keeps it at 0 or above"
             .to_owned(),
@@ -72,7 +75,8 @@ pub(crate) fn warn(
     }
     let given = observe::settings(&args.reading).columns;
     let spec = OtherSpecs::new(&args.file, args.reading.payload);
-    let out = doubts(model, logs, &given, found, &spec);
+    let mut out = doubts(model, logs, &given, found, &spec);
+    out.retain(|doubt| args.huber.is_none() || doubt.found.remedy != Remedy::Bounded);
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }

@@ -59,6 +59,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         if worst < GOOD_ERROR {
             break;
         }
+        let implausible = implausible_count(model, grams, &now);
         let mut fits = Vec::new();
         let mut tried = candidates(grams, &read, &offsets, own, &touched, &now);
         if touched.is_empty() {
@@ -69,7 +70,12 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
                 continue;
             };
             let gain = quality(&now.errors) / quality(&fit.errors);
-            if gain >= candidate.needed && accepted(grams, &candidate, &fit) {
+            // noise limits the gain, but not what becomes possible
+            let is_enough = gain >= candidate.needed
+                || (implausible > 0
+                    && gain >= MIN_GAIN_PER_COLUMN
+                    && implausible_count(model, grams, &fit) == 0);
+            if is_enough && accepted(grams, &candidate, &fit) {
                 fits.push((gain, fit, candidate));
             }
         }
@@ -191,10 +197,12 @@ fn candidates(
                 let as_k = Reading {
                     from: from_l.from,
                     factor: from_l.factor * constant(k, l) * a,
+                    offset: 0.0,
                 };
                 let as_l = Reading {
                     from: from_k.from,
                     factor: from_k.factor * constant(l, k) * b,
+                    offset: 0.0,
                 };
                 let signs = if a * b > 0.0 && a > 0.0 {
                     1.0
@@ -227,6 +235,7 @@ fn orders(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
                 from: order[k],
                 // a torque constant is that of a motor, so it does not move with the column
                 factor: if signs >> k & 1 == 1 { -1.0 } else { 1.0 } * own[k] / own[order[k]],
+                offset: 0.0,
             };
             let read: Vec<Reading> = (0..count).map(reading).collect();
             let touched: Vec<usize> = (0..count)

@@ -27,6 +27,28 @@ pub(super) struct Grams {
     pub(super) nominal: bool,
     /// Some of the positions, of all coordinates.
     pub(super) postures: Vec<Vec<f64>>,
+    /// The equations of each state; empty for a hypothesis.
+    pub(super) stored: Vec<Stored>,
+}
+
+/// The equations of a state.
+#[derive(Clone, Debug)]
+pub(super) struct Stored {
+    /// The index of the state in the sample.
+    pub(super) state: usize,
+    /// The base regressor, by columns.
+    pub(super) w: Vec<f64>,
+    /// The right-hand sides.
+    pub(super) tau: Vec<f64>,
+}
+
+impl Stored {
+    /// The measured right-hand side of equation `i` minus that of these base parameters.
+    pub(super) fn residual(&self, i: usize, values: &[f64]) -> f64 {
+        let row = self.w.iter().skip(i).step_by(self.tau.len().max(1));
+        let predicted: f64 = row.zip(values).map(|(w, b)| w * b).sum();
+        self.tau.get(i).map_or(0.0, |tau| tau - predicted)
+    }
 }
 
 /// A least-squares solution.
@@ -38,6 +60,8 @@ pub(super) struct Fit {
     pub(super) errors: Vec<f64>,
     /// For each equation: rms of the efforts.
     pub(super) sizes: Vec<f64>,
+    /// For each equation: rms of the efforts about their mean.
+    pub(super) spreads: Vec<f64>,
 }
 
 /// The number of reweighted passes: the errors settle to a few percent in three.
@@ -192,17 +216,19 @@ impl Grams {
             spent: vec![0.0; dof],
             nominal: beta.is_some(),
             postures: Vec::new(),
+            stored: Vec::new(),
         };
         let apart = (sample.states.len() / every.max(1) / POSTURES).max(1);
         let mut w = vec![0.0; dof * columns];
         let mut transfer = vec![0.0; dof * efforts];
         let mut own = vec![0.0; dof];
         let mut entries = Vec::new();
-        for state in sample.states.iter().step_by(every.max(1)) {
+        for (place, state) in sample.states.iter().enumerate().step_by(every.max(1)) {
             out.tried += 1;
             let read = |d: usize| -> Option<Vec<f64>> {
                 let column = &state.motion[d];
-                let one = |r: &Reading| Some(column.get(r.from)? * r.factor);
+                let offset = |r: &Reading| if d == 0 { r.offset } else { 0.0 };
+                let one = |r: &Reading| Some(column.get(r.from)? * r.factor + offset(r));
                 positions.iter().map(one).collect()
             };
             let measured = read(0)?;
@@ -263,6 +289,7 @@ impl Grams {
                 out.postures.push(full.q.clone());
             }
             out.count += 1.0;
+            let mut sides = Vec::with_capacity(dof);
             for i in 0..dof {
                 entries.clear();
                 entries.extend(w.iter().skip(i).step_by(dof));
@@ -273,6 +300,7 @@ impl Grams {
                     tau += t * state.efforts.get(k)?;
                 }
                 entries.extend(out.acting[i].iter().map(|k| transfer[k * dof + i]));
+                sides.push(tau);
                 let predicted = beta.as_ref().map_or(0.0, |beta| {
                     let pairs = entries.iter().zip(beta);
                     pairs.map(|(w, b)| w * b).sum()
@@ -291,6 +319,13 @@ impl Grams {
                     *power += w * rate;
                 }
                 out.spent[i] += (tau * rate).abs();
+            }
+            if spreads.is_none() {
+                out.stored.push(Stored {
+                    state: place,
+                    w: w.clone(),
+                    tau: sides,
+                });
             }
         }
         for gram in &mut out.matrices {
@@ -399,6 +434,38 @@ impl Grams {
         (spread > 0.0).then(|| (left / spread).sqrt())
     }
 
+    /// What the base parameters do not explain of a quantity at some states, given equation by equation with
+    /// these weights in it.
+    pub(super) fn without_parameters(
+        &self,
+        states: &[&Stored],
+        weights: &[f64],
+        quantity: &[f64],
+    ) -> Option<Vec<f64>> {
+        let (n, rows) = (self.columns, self.rows());
+        let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
+        let weighted = |place: usize| {
+            let (state, i) = (states[place / rows], place % rows);
+            let row = state.w.iter().skip(i).step_by(rows);
+            row.map(|w| w * weights[i]).collect::<Vec<f64>>()
+        };
+        for (place, y) in quantity.iter().enumerate() {
+            let row = weighted(place);
+            for (a, x) in row.iter().enumerate() {
+                right[a] += x * y;
+                for (b, z) in row[..=a].iter().enumerate() {
+                    gram[a * n + b] += x * z;
+                }
+            }
+        }
+        let values = solve(&mut gram, &right)?;
+        let left = quantity.iter().enumerate().map(|(place, y)| {
+            let row = weighted(place);
+            y - row.iter().zip(&values).map(|(w, b)| w * b).sum::<f64>()
+        });
+        Some(left.collect())
+    }
+
     fn solve(&self, read: &[Reading], offsets: &[usize], zero: Option<usize>) -> Option<Fit> {
         let n = self.columns + offsets.len();
         let rows = self.rows();
@@ -456,6 +523,7 @@ impl Grams {
             values,
             errors: pairs.map(|(r, s)| (r / s).sqrt()).collect(),
             sizes: squares.iter().map(|s| (s / self.count).sqrt()).collect(),
+            spreads: spreads.iter().map(|s| (s / self.count).sqrt()).collect(),
         })
     }
 

@@ -35,6 +35,10 @@ const MAX_NOMINAL_FACTOR: f64 = 4.0;
 pub(super) const MIN_COMPARED_PART: f64 = 0.2;
 /// The largest relative change of an effort that is the same throughout.
 const MAX_ROUNDING: f64 = 1e-9;
+/// A position beyond its limits by less than this part of their distance is not doubted.
+const MAX_BEYOND_PART: f64 = 0.05;
+/// The part of the rows from which on positions beyond their limits are doubted.
+const MIN_BEYOND_TIME: f64 = 0.5;
 /// An effort of more than this many times its limit is in another unit.
 const MIN_LIMIT_RATIO: f64 = 10.0;
 
@@ -86,6 +90,8 @@ pub enum Remedy {
     /// Fit a Fourier series with the frequency of the motion and enough harmonics, or smooth by a
     /// filter.
     Series,
+    /// Bound the weight of large residuals by Huber's loss, or leave rows out.
+    Bounded,
     /// Look for the cause in the sign, the delay or the offset of an effort or in the motion, or
     /// solve for physical parameters only.
     Physical,
@@ -203,6 +209,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     let estimate = estimate.zip(sigmas.as_ref());
     let estimate = estimate.map(|(e, sigmas)| (e.values.as_slice(), sigmas.as_slice()));
     let findings = look(model, sample, &own, estimate, step);
+    out.extend(
+        columns
+            .far(&findings.far)
+            .filter(|_| sample.spikes.is_empty()),
+    );
     if let Some(change) = &findings.change {
         out.extend(columns.change(change, sample, &findings.nominal));
     }
@@ -210,6 +221,9 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     // spikes may be beyond limits in the right unit
     if out.is_empty() && sample.spikes.is_empty() {
         out.extend(limits(columns, sample));
+    }
+    if out.is_empty() {
+        out.extend(beyond(columns, sample));
     }
     if out.is_empty()
         && let Some((values, sigmas)) = estimate
@@ -501,6 +515,45 @@ fn limits<M: BaseModel<f64> + ?Sized>(
                     factor: source.factor * 1e-3,
                     ..source
                 }]),
+            ));
+        }
+    }
+    out
+}
+
+/// Finds positions that are beyond the limits of their joints most of the time.
+fn beyond<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Vec<Suspicion> {
+    let info = columns.model.info();
+    let mut out = Vec::new();
+    for (k, c) in sample.measured.iter().enumerate() {
+        let Some([low, high]) = info.joints.get(*c).and_then(|j| j.limits.position) else {
+            continue;
+        };
+        let margin = MAX_BEYOND_PART * (high - low);
+        let states = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+        let outside = states.filter(|q| **q < low - margin || **q > high + margin);
+        let part = outside.count() as f64 / sample.states.len().max(1) as f64;
+        if margin > 0.0 && part > MIN_BEYOND_TIME {
+            let source = columns.source(&Quantity::Position(columns.name(*c)));
+            out.push(columns.suspicion(
+                format!(
+                    "column `{}` is beyond the limits of its joint, {} to {}, in {:.0} % of the rows",
+                    source.column,
+                    text::figure(low),
+                    text::figure(high),
+                    100.0 * part
+                ),
+                Remedy::Read {
+                    advice: vec![
+                        "Its sign, its zero or its unit is another one than the spec's, or the limits \
+                         are wrong"
+                            .to_owned(),
+                    ],
+                    columns: Vec::new(),
+                },
             ));
         }
     }

@@ -3,7 +3,7 @@
 use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
-use super::{Change, Nominal, Reading, Sample, Shift, Spikes};
+use super::{Change, FarEffort, Nominal, Reading, Sample, Shift, Spikes};
 use crate::data::{Assignment, Quantity};
 use crate::text;
 
@@ -152,6 +152,28 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         )
     }
 
+    /// The suspicion that efforts are not what acted in a part of the log.
+    pub(super) fn far(&self, efforts: &[FarEffort]) -> Option<Suspicion> {
+        let one = |own: &FarEffort| {
+            let source = self.effort(own.effort);
+            let size = |x: f64| text::figure_of(3, (x / source.factor).abs());
+            let [first, last] = own.times.map(text::figure);
+            let when = if first == last {
+                format!("at {first} s")
+            } else {
+                format!("from {first} s to {last} s")
+            };
+            format!(
+                "column `{}` is up to {} off what the model explains of it {when}, and {} elsewhere",
+                source.column,
+                size(own.largest),
+                size(own.usual),
+            )
+        };
+        let words: Vec<String> = efforts.iter().map(one).collect();
+        (!words.is_empty()).then(|| self.suspicion(words.join(", and "), Remedy::Bounded))
+    }
+
     /// The suspicion that these efforts have constant offsets, which direction-dependent friction
     /// has absorbed; `None` if there are none.
     pub(super) fn shifted(&self, shifts: &[Shift]) -> Option<Suspicion> {
@@ -214,8 +236,28 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let mut columns = Vec::new();
         self.describe(&positions, &change.positions, &[], &mut words, &mut columns);
         columns.extend(self.with_derivatives(&columns, sample));
+        let mut shifted = Vec::new();
+        for (quantity, reading) in positions.iter().zip(&change.positions) {
+            if reading.offset != 0.0 {
+                let source = self.source(quantity);
+                let offset = -reading.offset / source.factor;
+                let unit = if source.factor == 1.0 {
+                    ""
+                } else {
+                    " in its unit"
+                };
+                words.push(format!(
+                    "column `{}` looks shifted by {offset:.5}{unit}: its zero is not that of the spec",
+                    source.column
+                ));
+                shifted.push(format!("{offset:.5} from column `{}`", source.column));
+            }
+        }
         self.describe(&efforts, &change.efforts, &own, &mut words, &mut columns);
         let mut advice = Vec::new();
+        if !shifted.is_empty() {
+            advice.push(format!("Subtract {}", shifted.join(" and ")));
+        }
         let mut shifted = Vec::new();
         let mut symmetric = false;
         for (k, offset) in change.offsets.iter().enumerate().filter(|o| *o.1 != 0.0) {
