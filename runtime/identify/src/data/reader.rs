@@ -503,6 +503,10 @@ impl LogFile {
             let motion = 1..self.layout.efforts().start;
             let mut bridge = Bridge::new(bridging, survey.raw_step, motion);
             self.checked_rows(survey, problem, &mut |row, follows| {
+                // no motion leads across a jump
+                if survey.jumps.contains_key(&row.line) {
+                    bridge.divide(each)?;
+                }
                 bridge.push(row, follows, each)
             })?;
             return bridge.finish(each);

@@ -11,11 +11,11 @@ const STATES: usize = 150;
 /// The step by which that is differentiated, rad or m.
 const STEP: f64 = 1e-4;
 /// The largest number of steps of Gauss and Newton.
-const MAX_STEPS: usize = 5;
+const MAX_STEPS: usize = 8;
 /// The largest change of a zero in one of them, rad or m.
 const MAX_CHANGE: f64 = 0.3;
 /// The part of an offset below which a step of it no longer matters.
-const SETTLED: f64 = 0.02;
+const SETTLED: f64 = 1e-3;
 /// The number of coordinates of which the offset is computed to the end.
 const TRIED: usize = 2;
 
@@ -39,23 +39,28 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         })
         .collect();
     first_steps.sort_by(|a, b| a.2.total_cmp(&b.2));
-    let mut best: Option<(f64, Vec<Reading>)> = None;
+    let mut best: Option<(f64, Vec<Reading>, usize)> = None;
     for (k, step, _) in first_steps.into_iter().take(TRIED) {
-        let Some(found) = settled(model, sample, every, &first, k, step) else {
+        let Some((error, found)) = settled(model, sample, every, &first, k, step) else {
             continue;
         };
-        if best.as_ref().is_none_or(|best| found.0 < best.0) {
-            best = Some(found);
+        if best.as_ref().is_none_or(|best| error < best.0) {
+            best = Some((error, found, k));
         }
     }
-    let (_, positions) = best?;
-    let all = grams.stored.len().max(1);
-    let own = Grams::of(
-        model,
-        sample,
-        &positions,
-        sample.states.len().div_ceil(all).max(1),
-    )?;
+    let (error, mut positions, k) = best?;
+    if quality(&first.errors) < MIN_GAIN_PER_COLUMN * error {
+        return None;
+    }
+    // few states leave some noise in it
+    let all = (sample.states.len())
+        .div_ceil(grams.stored.len().max(1))
+        .max(1);
+    let own = Grams::of(model, sample, &positions, all)?;
+    let fit = own.fit(&plain, &[])?;
+    let (step, _) = step_of(model, sample, &positions, all, &own, &fit, k)?;
+    positions.get_mut(k)?.offset += step;
+    let own = Grams::of(model, sample, &positions, all)?;
     let after = own.fit(&plain, &[]).filter(|_| own.closes())?;
     (quality(&now.errors) >= MIN_GAIN_PER_COLUMN * quality(&after.errors)).then(|| Change {
         efforts: plain,
