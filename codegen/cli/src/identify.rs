@@ -132,6 +132,22 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         let tried = tried.and_then(|found| found.ok().flatten());
         json.summary.relative_absolute_without_delays = tried;
     }
+    // a filter that is chosen for a wrong model may leave too much noise to see what is wrong
+    let is_poor = (json.summary.efforts.iter()).any(|effort| {
+        effort
+            .error
+            .as_ref()
+            .is_some_and(|error| !error.is_explained())
+    });
+    let is_open = json
+        .summary
+        .suspicions
+        .iter()
+        .all(|doubt| doubt.found.changed.is_none());
+    if filter.is_some() && is_poor && is_open {
+        let more = suspect::warn_without_choice(args, &model);
+        json.summary.suspicions.extend(more);
+    }
     json.file.filter.clone_from(&filter);
     identified.provenance.filter = filter;
     let mut written = Vec::new();

@@ -85,17 +85,20 @@ pub(crate) fn warn(
 
 /// Prints what looks wrong with logs for which no filter could be chosen, behind a low one, as columns of
 /// wrong signs or units may be why.
-pub(crate) fn warn_without_choice(args: &IdentifyArgs, model: &Interpreted<'_>) {
+pub(crate) fn warn_without_choice(args: &IdentifyArgs, model: &Interpreted<'_>) -> Vec<Suspected> {
     let mut args = args.clone();
     let opened = observe::open(model, &args.logs, &args.reading).ok();
     let step = opened.and_then(|opened| Some(opened.logs().sample(0).ok()?.step));
     let Some(step) = step.filter(|step| *step > 0.0) else {
-        return;
+        return Vec::new();
     };
+    args.reading.fourier = None;
     args.reading.butterworth = Some((LOW_CUTOFF / step, FILTER_ORDER));
-    if let Ok(opened) = observe::open(model, &args.logs, &args.reading) {
-        warn(&args, model, opened.logs(), None);
-    }
+    let opened = observe::open(model, &args.logs, &args.reading);
+    opened.map_or_else(
+        |_| Vec::new(),
+        |opened| warn(&args, model, opened.logs(), None),
+    )
 }
 
 /// The suspected mistakes in logs. Without an estimate they are found from the weights and inertias

@@ -13,6 +13,10 @@ use crate::load;
 
 /// The size of gravity that is tried where the spec has none, m/s^2.
 const USUAL_GRAVITY: f64 = 9.81;
+/// A gravity that differs by more than this part may be in another unit.
+const USUAL_TOLERANCE: f64 = 0.05;
+/// Gravity is as good an explanation as a constant up to this factor: it has no more unknowns.
+const AS_GOOD: f64 = 1.05;
 /// The largest number of parameters of a robot that is derived again for another gravity.
 const MAX_PARAMETERS: usize = 120;
 
@@ -55,7 +59,14 @@ pub(super) fn with_spec(
     let Some((other, _)) = best(columns, sample, specs) else {
         return found;
     };
-    let of_columns = found.iter().filter_map(|f| f.changed);
+    let of_columns = found.iter().filter_map(|f| {
+        let Remedy::Read { columns, .. } = &f.remedy else {
+            return f.changed;
+        };
+        let is_constant = columns.is_empty();
+        f.changed
+            .map(|changed| changed * if is_constant { AS_GOOD } else { 1.0 })
+    });
     let least = of_columns.fold(f64::INFINITY, f64::min);
     if other.changed.is_none_or(|changed| changed >= least) {
         return found;
@@ -133,6 +144,11 @@ fn others(own: [f64; 3]) -> Vec<[f64; 3]> {
     let size = own.iter().map(|g| g * g).sum::<f64>().sqrt();
     let size = if size > 0.0 { size } else { USUAL_GRAVITY };
     let mut out = vec![[0.0; 3], own.map(|g| 0.0 - g)];
+    // in g or in mm/s^2, as it is on earth
+    if (size / USUAL_GRAVITY - 1.0).abs() > USUAL_TOLERANCE {
+        let scale = USUAL_GRAVITY / size;
+        out.extend([scale, -scale].map(|scale| own.map(|g| 0.0 + scale * g)));
+    }
     for axis in (0..3).rev() {
         for sign in [-size, size] {
             let mut gravity = [0.0; 3];
@@ -157,12 +173,21 @@ fn words(own: [f64; 3], gravity: [f64; 3]) -> String {
         "these efforts do not contain gravity"
     } else if is_none(own) {
         "these efforts contain gravity, and the spec has none"
+    } else if is_along(own, gravity) {
+        "the spec's gravity looks as if in another unit"
     } else if sums.fold(0.0, |m: f64, sum| m.max(sum.abs())) == 0.0 {
         "the spec's gravity looks upside down"
     } else {
         "the spec's gravity looks as if along another axis"
     }
     .to_owned()
+}
+
+/// Whether both have one direction.
+fn is_along(one: [f64; 3], other: [f64; 3]) -> bool {
+    let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let dot: f64 = one.iter().zip(other).map(|(a, b)| a * b).sum();
+    dot > (1.0 - 1e-9) * size(one) * size(other)
 }
 
 /// The key of the spec with a gravity.

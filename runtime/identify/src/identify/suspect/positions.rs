@@ -123,8 +123,15 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         }
     }
     let after = best_errors?;
+    // a constant explains a weight in a wrong unit as well, but is one unknown more
+    let has_offsets = efforts.is_some_and(|change| change.offsets.iter().any(|o| *o != 0.0));
+    let needed = if has_offsets {
+        1.0 / EQUIVALENT_RATIO
+    } else {
+        MIN_GAIN_OVER_EFFORTS
+    };
     if let Some(rival) = rival
-        && quality(&rival.errors) < MIN_GAIN_OVER_EFFORTS * quality(&after)
+        && quality(&rival.errors) < needed * quality(&after)
     {
         return None;
     }
