@@ -94,11 +94,15 @@ fn best(
     sample: &Sample,
     specs: &OtherSpecs<'_>,
 ) -> Option<(Suspicion, Trial)> {
-    let before = suspect::trial(columns.model, sample)?;
-    if !before.is_doubtful() {
+    let short = suspect::short_trial(columns.model, sample)?;
+    if !short.is_doubtful() {
         return None;
     }
-    let mut out = suspect::weightless(columns, sample);
+    let before = suspect::trial(columns.model, sample)?;
+    // only the nominal bodies tell that a weight is missing
+    let mut out = (!before.nominal.is_empty())
+        .then(|| suspect::weightless(columns, sample))
+        .flatten();
     let info = columns.model.info();
     if info.parameters.len() > MAX_PARAMETERS {
         return out;
@@ -116,7 +120,12 @@ fn best(
         if model.info().coordinates != info.coordinates {
             continue;
         }
-        let Some(found) = suspect::trial(&model, sample) else {
+        let is_promising = suspect::short_trial(&model, sample)
+            .is_some_and(|found| found.gain_over(&short).is_some());
+        let found = is_promising
+            .then(|| suspect::trial(&model, sample))
+            .flatten();
+        let Some(found) = found else {
             continue;
         };
         let better = found.gain_over(&before).is_some()

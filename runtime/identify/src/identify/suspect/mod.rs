@@ -19,7 +19,7 @@ mod words;
 
 pub use facts::{NegativeParameter, Nominal, Shift};
 pub use judge::{EffortChange, Remedy, Suspicion, suspicions};
-pub use trial::{Trial, trial, weightless};
+pub use trial::{Trial, short_trial, trial, weightless};
 pub use words::LogColumns;
 
 use grams::{Fit, Grams};

@@ -16,6 +16,8 @@ const MAX_STEPS: usize = 8;
 const MAX_CHANGE: f64 = 0.3;
 /// The part of an offset below which a step of it no longer matters.
 const SETTLED: f64 = 1e-3;
+/// The part of the squared residuals that the first step may leave.
+const MAX_LEFT: f64 = 0.85;
 /// The number of coordinates of which the offset is computed to the end.
 const TRIED: usize = 2;
 
@@ -38,6 +40,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
             Some((k, step, left))
         })
         .collect();
+    // a zero that is wrong by much is no minimum, but in its direction
+    first_steps.retain(|(_, _, left)| *left < MAX_LEFT);
     first_steps.sort_by(|a, b| a.2.total_cmp(&b.2));
     let mut best: Option<(f64, Vec<Reading>, usize)> = None;
     for (k, step, _) in first_steps.into_iter().take(TRIED) {

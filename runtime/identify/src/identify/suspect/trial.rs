@@ -3,7 +3,10 @@
 
 use super::grams::Grams;
 use super::words::LogColumns;
-use super::{EffortChange, Reading, Remedy, STATES, Sample, Suspicion, implausible_count, quality};
+use super::{
+    EffortChange, MIN_EQUATIONS_PER_PARAMETER, Reading, Remedy, STATES, Sample, Suspicion,
+    implausible_count, quality,
+};
 use regen_runtime::BaseModel;
 
 /// The factor by which another gravity must reduce the product of errors, as half of it is not an
@@ -18,6 +21,8 @@ const MAX_LOSS: f64 = 1.05;
 const MIN_GAIN_OF_NOMINAL: f64 = 3.0;
 /// The largest part of an effort that the nominal bodies may leave after a change of the spec.
 const MAX_LEFT_BY_NOMINAL: f64 = 0.5;
+/// The number of states of a short trial, unless the parameters need more.
+const FEW_STATES: usize = 150;
 /// What is left of the efforts below this is normal, and no other spec is tried.
 const MIN_DOUBTED_ERROR: f64 = 0.03;
 
@@ -35,11 +40,18 @@ pub struct Trial {
 
 /// Fits a model to a sample of a log; `None` where the loops do not close or an effort is constant.
 pub fn trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Trial> {
-    of(model, &grams(model, sample)?, &[])
+    of(model, &grams(model, sample, STATES)?, &[])
 }
 
-fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Grams> {
-    let every = sample.states.len().div_ceil(STATES).max(1);
+/// As [`trial`], with few states: enough to see whether it is worth one with all.
+pub fn short_trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Trial> {
+    let (columns, dof) = (model.base_info().base.len(), model.info().dof());
+    let least = (MIN_EQUATIONS_PER_PARAMETER * columns).div_ceil(dof.max(1));
+    of(model, &grams(model, sample, FEW_STATES.max(least))?, &[])
+}
+
+fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, states: usize) -> Option<Grams> {
+    let every = sample.states.len().div_ceil(states).max(1);
     let plain = Reading::plain(sample.measured.len());
     Grams::of(model, sample, &plain, every).filter(Grams::closes)
 }
@@ -141,7 +153,7 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
     sample: &Sample,
 ) -> Option<(Suspicion, Trial)> {
     let (model, info) = (columns.model, columns.model.info());
-    let grams = grams(model, sample)?;
+    let grams = grams(model, sample, STATES)?;
     let before = of(model, &grams, &[])?;
     let has_offset = |k: &usize| {
         let name = info.actuated.get(*k).map(|c| columns.name(*c));
