@@ -20,6 +20,21 @@ const AS_GOOD: f64 = 1.05;
 /// The largest number of parameters of a robot that is derived again for another gravity.
 const MAX_PARAMETERS: usize = 120;
 
+/// The functions that a trial calls: the others take most of the time of a derivation.
+const TRIED_FUNCTIONS: [FunctionKind; 11] = [
+    FunctionKind::Constraints,
+    FunctionKind::Jacobian,
+    FunctionKind::Bias,
+    FunctionKind::NewtonStep,
+    FunctionKind::DependentJacobian,
+    FunctionKind::Velocities,
+    FunctionKind::Accelerations,
+    FunctionKind::GeneralizedForces,
+    FunctionKind::BaseRegressor,
+    FunctionKind::ToBase,
+    FunctionKind::BaseMassMatrix,
+];
+
 /// A spec that is tried with other values.
 #[derive(Debug, Default)]
 pub(crate) struct OtherSpecs<'a> {
@@ -145,7 +160,7 @@ fn best(
 /// The robot with another gravity, if it can be derived.
 fn derived(mechanism: &Mechanism, gravity: [f64; 3]) -> Option<Robot> {
     let other = mechanism.with_gravity(gravity)?;
-    other.robot(&FunctionKind::ALL).ok()
+    other.robot(&TRIED_FUNCTIONS).ok()
 }
 
 /// None, the opposite, and each axis and its opposite, without the present one.

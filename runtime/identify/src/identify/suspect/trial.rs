@@ -1,7 +1,7 @@
 //! Tries a model on a log as it was read, so that a change of the spec is advised only where it fits
 //! the log better.
 
-use super::grams::Grams;
+use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
 use super::{
     EffortChange, MIN_EQUATIONS_PER_PARAMETER, Reading, Remedy, STATES, Sample, Suspicion,
@@ -21,6 +21,13 @@ const MAX_LOSS: f64 = 1.05;
 const MIN_GAIN_OF_NOMINAL: f64 = 3.0;
 /// The largest part of an effort that the nominal bodies may leave after a change of the spec.
 const MAX_LEFT_BY_NOMINAL: f64 = 0.5;
+/// Distances of states, s, at which residuals are correlated: beyond the memory of usual filters, within the
+/// motion.
+const LAGS: [f64; 3] = [0.05, 0.1, 0.2];
+/// With a smaller correlation they are noise.
+const MAX_CORRELATION_OF_NOISE: f64 = 0.35;
+/// With fewer pairs of states nothing is said of that.
+const MIN_PAIRS: usize = 50;
 /// The number of states of a short trial, unless the parameters need more.
 const FEW_STATES: usize = 150;
 /// What is left of the efforts below this is normal, and no other spec is tried.
@@ -34,20 +41,27 @@ pub struct Trial {
     /// What the nominal bodies leave of the effort of each equation, over the same; empty where they
     /// are not known.
     pub nominal: Vec<f64>,
+    /// The largest correlation of residuals at [`LAGS`], of any equation: that of noise is small.
+    pub correlation: f64,
     /// How many directions have a negative inertia, and how many joints are driven by their friction.
     pub implausible: usize,
 }
 
 /// Fits a model to a sample of a log; `None` where the loops do not close or an effort is constant.
 pub fn trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Trial> {
-    of(model, &grams(model, sample, STATES)?, &[])
+    of(model, sample, &grams(model, sample, STATES)?, &[])
 }
 
 /// As [`trial`], with few states: enough to see whether it is worth one with all.
 pub fn short_trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Trial> {
     let (columns, dof) = (model.base_info().base.len(), model.info().dof());
     let least = (MIN_EQUATIONS_PER_PARAMETER * columns).div_ceil(dof.max(1));
-    of(model, &grams(model, sample, FEW_STATES.max(least))?, &[])
+    of(
+        model,
+        sample,
+        &grams(model, sample, FEW_STATES.max(least))?,
+        &[],
+    )
 }
 
 fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, states: usize) -> Option<Grams> {
@@ -57,10 +71,16 @@ fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, states: usize) 
 }
 
 /// The fit with a free constant in some efforts.
-fn of<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, offsets: &[usize]) -> Option<Trial> {
+fn of<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    grams: &Grams,
+    offsets: &[usize],
+) -> Option<Trial> {
     let read = Reading::plain(model.info().actuated.len());
     let fit = grams.fit(&read, offsets)?;
     Some(Trial {
+        correlation: correlation(sample, grams, &fit),
         implausible: implausible_count(model, grams, &fit),
         errors: fit.errors,
         nominal: grams
@@ -69,10 +89,47 @@ fn of<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, offsets: &[usize]) -
     })
 }
 
+/// The largest correlation of the residuals of any equation at [`LAGS`].
+fn correlation(sample: &Sample, grams: &Grams, fit: &Fit) -> f64 {
+    let time = |own: &Stored| sample.states.get(own.state).map_or(f64::NAN, |s| s.time);
+    let mut out: f64 = 0.0;
+    for lag in LAGS {
+        let mut pairs = Vec::new();
+        let mut begin = 0;
+        for (k, own) in grams.stored.iter().enumerate() {
+            while begin < k && time(own) - time(&grams.stored[begin]) > 1.2 * lag {
+                begin += 1;
+            }
+            if begin < k && time(own) - time(&grams.stored[begin]) > 0.8 * lag {
+                pairs.push((begin, k));
+            }
+        }
+        if pairs.len() < MIN_PAIRS {
+            continue;
+        }
+        for i in 0..grams.rows() {
+            let left: Vec<f64> = (grams.stored.iter())
+                .map(|own| own.residual(i, &fit.values))
+                .collect();
+            let products = pairs.iter().map(|(a, b)| left[*a] * left[*b]);
+            let squares = pairs
+                .iter()
+                .map(|(a, b)| 0.5 * (left[*a].powi(2) + left[*b].powi(2)));
+            let (sum, squares) = (products.sum::<f64>(), squares.sum::<f64>());
+            if squares > 0.0 {
+                out = out.max((sum / squares).abs());
+            }
+        }
+    }
+    if out > 0.0 { out } else { 1.0 }
+}
+
 impl Trial {
     /// Whether a log may contradict the model, so that it is worth trying others.
     pub fn is_doubtful(&self) -> bool {
-        self.errors.iter().any(|e| *e > MIN_DOUBTED_ERROR)
+        let is_noise = self.correlation < MAX_CORRELATION_OF_NOISE;
+        (self.errors.iter().any(|e| *e > MIN_DOUBTED_ERROR) && !is_noise)
+            || self.implausible > 0
             || self.nominal.iter().any(|e| *e > MAX_LEFT_BY_NOMINAL)
     }
 
@@ -154,7 +211,7 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
 ) -> Option<(Suspicion, Trial)> {
     let (model, info) = (columns.model, columns.model.info());
     let grams = grams(model, sample, STATES)?;
-    let before = of(model, &grams, &[])?;
+    let before = of(model, sample, &grams, &[])?;
     let has_offset = |k: &usize| {
         let name = info.actuated.get(*k).map(|c| columns.name(*c));
         let offset = name.map(|name| {
@@ -169,7 +226,7 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
     for k in (0..info.actuated.len()).filter(|k| !has_offset(k)) {
         let mut more = offsets.clone();
         more.push(k);
-        let Some(found) = of(model, &grams, &more) else {
+        let Some(found) = of(model, sample, &grams, &more) else {
             continue;
         };
         // friction that differs between both directions takes a constant up
