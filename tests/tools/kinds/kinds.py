@@ -142,7 +142,9 @@ def advised(text, options, log):
     """Applies what the messages advise: the new options, and whether anything was to be applied."""
     said = "\n".join(warned(text))
     more, changed, seen = dict(options), False, set()
-    for found in OPTION.findall(said):
+    columns = [x for x in OPTION.findall(said) if x.startswith("--column")]
+    # what is read wrongly is corrected before rows are left out
+    for found in columns or OPTION.findall(said):
         words = shlex.split(found.replace("=", " ", 1) if not found.startswith("--column") else found)
         if len(words) != 2:
             continue

@@ -396,7 +396,8 @@ pub enum DataError {
         file: String,
         /// The reason: a sentence that ends with the assignment.
         why: String,
-        /// The [`Assignment`](super::Assignment) that would help, in its text form.
+        /// The [`Assignment`](super::Assignment) that would help, in its text form; of several, one on each
+        /// line.
         assignment: String,
     },
     /// The file has faulty rows, under [`Policy::Fail`](super::Policy::Fail).
@@ -435,7 +436,7 @@ impl fmt::Display for DataError {
                 file,
                 why,
                 assignment,
-            } => write!(f, "{file}: {why} `{assignment}`"),
+            } => write!(f, "{file}: {why} `{}`", assignment.replace('\n', "`, `")),
             Self::Problems { file, problems } => write!(
                 f,
                 "{file}: {} {} cannot be used\n{problems}",

@@ -213,19 +213,26 @@ impl Rates {
                 });
             }
             if own < MIN_CORRELATION {
+                // all velocities of the exchange at once, as one column is not read twice
+                let of = |k: usize| {
+                    let own = |j: &usize| moves(*j) && correlation(k, *j) > MIN_CORRELATION;
+                    (0..m).find(own).filter(|j| *j != k)
+                };
+                let exchanged = (0..m).filter_map(|k| {
+                    let (to, from) = (pairs.get(k)?, pairs.get(of(k)?)?);
+                    Some(format!("{prefix}{}={}", to.name, from.velocity))
+                });
                 let fits = |j: &usize| *j != k && moves(*j) && correlation(*j, k) > MIN_CORRELATION;
                 let other = (0..m).find(fits).and_then(|j| pairs.get(j));
                 return Some(match other {
                     Some(Pair {
-                        position: other,
-                        velocity: swapped,
-                        ..
+                        position: other, ..
                     }) => Unfit {
                         why: format!(
                             "{head}; it fits column `{other}`: these velocities are swapped, or \
-                             their positions. Read each of the two as the other, such as"
+                             their positions. Read each as the other, such as"
                         ),
-                        assignment: Some(format!("{prefix}{name}={swapped}")),
+                        assignment: Some(exchanged.collect::<Vec<_>>().join("\n")),
                     },
                     None => format!(
                         "{head}; at least {MIN_CORRELATION} is expected. Leave it out, or give \

@@ -9,7 +9,7 @@ use super::{
 use regen_runtime::BaseModel;
 
 /// Relative errors of the equations below this are normal, and no change is searched.
-const GOOD_ERROR: f64 = 0.1;
+const GOOD_ERROR: f64 = 0.03;
 /// Fits whose product of errors is within this factor of the best count as equally good; their
 /// plausibility decides between them.
 const EQUIVALENT_RATIO: f64 = 1.05;
@@ -103,7 +103,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         touched.extend(&candidate.touched);
         (read, offsets, now) = (candidate.read, candidate.offsets, fit);
     }
-    if touched.is_empty() {
+    let worst = |fit: &Fit| fit.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
+    if touched.is_empty() || worst(&now) > worst(start) {
         return None;
     }
     let mut change = Change {
@@ -387,6 +388,10 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
     grams: &Grams,
     now: &Fit,
 ) -> Option<Change> {
+    // friction of a fit that explains nothing has no sign
+    if now.errors.iter().any(|e| *e > MAX_EXPLAINED_ERROR) {
+        return None;
+    }
     let count = model.info().actuated.len();
     let (efforts, fit) = flip_driving_signs(model, grams, &Reading::plain(count), &[], now)?;
     Some(Change {

@@ -5,7 +5,7 @@ use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use super::words::{LogColumns, rounded};
-use super::{Findings, Nominal, Sample, look};
+use super::{Findings, Measured, Nominal, Sample, look};
 use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
@@ -200,6 +200,10 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if !out.is_empty() {
         return out;
     }
+    out.extend(copies(columns, sample));
+    if !out.is_empty() {
+        return out;
+    }
     let own: Vec<f64> = info
         .actuated
         .iter()
@@ -209,11 +213,6 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     let estimate = estimate.zip(sigmas.as_ref());
     let estimate = estimate.map(|(e, sigmas)| (e.values.as_slice(), sigmas.as_slice()));
     let findings = look(model, sample, &own, estimate, step);
-    out.extend(
-        columns
-            .far(&findings.far)
-            .filter(|_| sample.spikes.is_empty()),
-    );
     if let Some(change) = &findings.change {
         out.extend(columns.change(change, sample, &findings.nominal));
     }
@@ -256,6 +255,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
             )
         }));
     }
+    out.extend(
+        columns
+            .far(&findings.far)
+            .filter(|_| sample.spikes.is_empty()),
+    );
     out.extend(columns.spikes(&sample.spikes));
     if let Some((what, assignment)) = &sample.doubted_rate
         && let Ok(assignment) = assignment.parse()
@@ -337,6 +341,56 @@ fn unmeasured<M: BaseModel<f64> + ?Sized>(
             columns: Vec::new(),
         },
     ))
+}
+
+/// The efforts, or moving positions, that are the same as others in all rows: one column is a copy.
+fn copies<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let efforts = (0..columns.model.info().actuated.len()).map(|k| columns.effort(k).column);
+    let positions = sample.measured.iter().map(|c| {
+        let of = Quantity::Position(columns.name(*c));
+        columns.source(&of).column
+    });
+    let mut words = same(&efforts.collect::<Vec<_>>(), sample, |state| &state.efforts);
+    words.extend(same(&positions.collect::<Vec<_>>(), sample, |state| {
+        &state.motion[0]
+    }));
+    (!words.is_empty()).then(|| {
+        let advice = "One of them is a copy, and what it should be is not in the log: log it, or give \
+                      another column";
+        columns.suspicion(
+            words.join(", and "),
+            Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: Vec::new(),
+            },
+        )
+    })
+}
+
+/// The pairs of quantities that are the same at all states and change.
+fn same(titles: &[String], sample: &Sample, of: fn(&Measured) -> &Vec<f64>) -> Vec<String> {
+    let value = |state: &Measured, k: usize| of(state).get(k).map(|x| x.to_bits());
+    let changes = |k: &usize| {
+        let first = sample.states.first().map(|state| value(state, *k));
+        (sample.states.iter()).any(|state| Some(value(state, *k)) != first)
+    };
+    let mut out = Vec::new();
+    for k in (0..titles.len()).filter(changes) {
+        let twin = (0..k).find(|j| {
+            let mut states = sample.states.iter();
+            titles[*j] != titles[k] && states.all(|state| value(state, *j) == value(state, k))
+        });
+        if let Some(j) = twin {
+            out.push(format!(
+                "columns `{}` and `{}` have the same values in all rows",
+                titles[j], titles[k]
+            ));
+        }
+    }
+    out
 }
 
 /// Whether the Fourier series is not that of the motion.

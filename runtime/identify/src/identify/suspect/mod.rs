@@ -248,7 +248,6 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
         best = efforts::signs(model, grams, now);
     }
     if let (None, Some(grams), Some(now)) = (&best, &grams, &fits)
-        && out.far.is_empty()
         && worst(&now.errors) > offsets::MIN_DOUBTED_ERROR
     {
         best = offsets::search(model, sample, grams, now);

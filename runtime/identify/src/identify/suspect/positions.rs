@@ -178,6 +178,21 @@ fn moves(sample: &Sample, k: usize) -> bool {
     high - low > 1e-9 * low.abs().max(high.abs())
 }
 
+/// Whether a measured coordinate is within its limits only with the other sign.
+fn is_mirrored<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, k: usize) -> bool {
+    let joints = model.info().joints;
+    let joint = sample.measured.get(k).and_then(|c| joints.get(*c));
+    let Some([low, high]) = joint.and_then(|joint| joint.limits.position) else {
+        return false;
+    };
+    let within = |sign: f64| {
+        let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+        let inside = values.filter(|q| (low..=high).contains(&(sign * **q)));
+        2 * inside.count() > sample.states.len()
+    };
+    !within(1.0) && within(-1.0)
+}
+
 /// All hypotheses on the units, the signs and the exchange of positions, starting from these
 /// readings.
 fn candidates<M: BaseModel<f64> + ?Sized>(
@@ -220,6 +235,19 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
         if sample.measured.iter().any(|c| motion(*c) == kind) {
             out.push(plain(scaled(&|c| motion(c) == kind), 1));
         }
+    }
+    let mirrored: Vec<usize> = (0..sample.measured.len())
+        .filter(|k| is_mirrored(model, sample, *k))
+        .collect();
+    if mirrored.len() > 1 {
+        let mut flipped = plain(positions.to_vec(), mirrored.len());
+        for k in mirrored {
+            flipped.positions[k].factor *= -1.0;
+            if let Some(a) = actuator(sample.measured[k]) {
+                flipped.efforts[a].factor *= -1.0;
+            }
+        }
+        out.push(flipped);
     }
     for (k, c) in sample
         .measured

@@ -9,6 +9,8 @@ use super::{
 };
 use regen_runtime::BaseModel;
 
+/// The part that another gravity may leave of the largest error.
+const MAX_LEFT_OF_WORST: f64 = 0.8;
 /// The factor by which another gravity must reduce the product of errors, as half of it is not an
 /// accident.
 const MIN_GAIN: f64 = 2.0;
@@ -156,7 +158,8 @@ impl Trial {
         } else {
             MIN_GAIN
         };
-        ((gain >= needed && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
+        let worst = self.worst() < MAX_LEFT_OF_WORST * other.worst();
+        ((gain >= needed && worst && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
             .then_some(gain * if known { nominal } else { 1.0 })
     }
 
