@@ -1,7 +1,7 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
 use regen_codegen::robot::Robot;
-use regen_identify::data::{Assignment, DataError, FileReport, ValuesFrom};
+use regen_identify::data::{Assignment, DataError, ValuesFrom};
 use regen_identify::estimate::{EffortError, EstimateError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{self, Options, digest};
@@ -113,7 +113,10 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         let session = session(&args, &model);
         let open = choice::open(&args.reading, is_loss_open(&args));
         let made = choice::made(&mut args.reading, &session, &mut args.logs, open);
-        made.inspect_err(|_| suspect::warn_of_contradictions(&args, &model))?
+        if made.is_err() && suspect::warn_without_choice(&args, &model).is_empty() {
+            suspect::warn_of_contradictions(&args, &model);
+        }
+        made?
     };
     args.huber = args.huber.or(filter.as_ref().and_then(Choice::huber));
     let args = &args;
@@ -143,6 +146,22 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         let tried = on_time.map(|other| delay::tried(&other, &model));
         let tried = tried.and_then(|found| found.ok().flatten());
         json.summary.relative_absolute_without_delays = tried;
+    }
+    // a filter that is chosen for a wrong model may leave too much noise to see what is wrong
+    let is_poor = (json.summary.efforts.iter()).any(|effort| {
+        effort
+            .error
+            .as_ref()
+            .is_some_and(|error| !error.is_explained())
+    });
+    let is_open = json
+        .summary
+        .suspicions
+        .iter()
+        .all(|doubt| doubt.found.changed.is_none());
+    if filter.is_some() && is_poor && is_open {
+        let more = suspect::warn_without_choice(args, &model);
+        json.summary.suspicions.extend(more);
     }
     json.file.filter.clone_from(&filter);
     identified.provenance.filter = filter;
@@ -466,8 +485,7 @@ fn logs(
             observe::note_problems(logs.logs().reports());
         }
         // so may loops that leave too few states, where their rows are left out
-        let open = |report: &FileReport| report.problems.has_open();
-        if unusable || is_unsolved || is_undetermined && logs.logs().reports().iter().any(open) {
+        if unusable || is_unsolved || is_undetermined {
             suspect::warn(args, model, logs.logs(), None);
         }
         let failure = Failure::from(error);

@@ -432,13 +432,17 @@ impl From<DataError> for Failure {
                 why,
                 assignment,
             } => {
-                let quote = if assignment.contains('*') { "'" } else { "" };
+                let options = assignment.lines().map(|assignment| {
+                    let quote = if assignment.contains('*') { "'" } else { "" };
+                    format!("--column {quote}{assignment}{quote}")
+                });
+                let options = options.collect::<Vec<_>>().join(" ");
                 let rate = if assignment.starts_with("t=") {
                     ", or give the rate of the rows with --rate HZ"
                 } else {
                     ""
                 };
-                let text = format!("{file}: {why} --column {quote}{assignment}{quote}{rate}");
+                let text = format!("{file}: {why} {options}{rate}");
                 Self::Input(text)
             }
             DataError::Part { key, .. } => Self::Input(format!(

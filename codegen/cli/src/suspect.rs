@@ -16,6 +16,10 @@ pub(crate) use gravity::OtherSpecs;
 use crate::args::IdentifyArgs;
 use crate::{observe, progress, terminal};
 
+/// The cutoff, in the rate of the rows, and the order of the filter where none could be chosen.
+const LOW_CUTOFF: f64 = 0.05;
+const FILTER_ORDER: usize = 4;
+
 /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
 fn with_options(found: suspect::Suspicion) -> Suspected {
     let remedy = match &found.remedy {
@@ -37,6 +41,9 @@ fn with_options(found: suspect::Suspicion) -> Suspected {
                            or parts of the log are not periodic: give --fourier the motion's \
                            frequency, or use --butterworth"
             .to_owned(),
+        Remedy::Bounded => {
+            "Give --huber 1.345, which bounds their weight, or leave these rows out".to_owned()
+        }
         _ => "The cause may be the sign or the delay of an effort, an offset, or a motion that \
               does not determine it separately; --feasible keeps it at 0 or above"
             .to_owned(),
@@ -68,7 +75,8 @@ pub(crate) fn warn(
     }
     let given = observe::settings(&args.reading).columns;
     let spec = OtherSpecs::new(&args.file, args.reading.payload);
-    let out = doubts(model, logs, &given, found, &spec);
+    let mut out = doubts(model, logs, &given, found, &spec);
+    out.retain(|doubt| args.huber.is_none() || doubt.found.remedy != Remedy::Bounded);
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }
@@ -93,6 +101,24 @@ pub(crate) fn warn_of_contradictions(args: &IdentifyArgs, model: &Interpreted<'_
             terminal::note(&format!("warning: {}", with_options(found)));
         }
     }
+}
+
+/// Prints what looks wrong with logs for which no filter could be chosen, behind a low one, as columns of
+/// wrong signs or units may be why.
+pub(crate) fn warn_without_choice(args: &IdentifyArgs, model: &Interpreted<'_>) -> Vec<Suspected> {
+    let mut args = args.clone();
+    let opened = observe::open(model, &args.logs, &args.reading).ok();
+    let step = opened.and_then(|opened| Some(opened.logs().sample(0).ok()?.step));
+    let Some(step) = step.filter(|step| *step > 0.0) else {
+        return Vec::new();
+    };
+    args.reading.fourier = None;
+    args.reading.butterworth = Some((LOW_CUTOFF / step, FILTER_ORDER));
+    let opened = observe::open(model, &args.logs, &args.reading);
+    opened.map_or_else(
+        |_| Vec::new(),
+        |opened| warn(&args, model, opened.logs(), None),
+    )
 }
 
 /// The suspected mistakes in logs. Without an estimate they are found from the weights and inertias

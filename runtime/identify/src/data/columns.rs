@@ -33,7 +33,7 @@ impl Quantity {
     }
 
     /// The coordinate of the quantity; `None` for the time.
-    pub(super) fn coordinate(&self) -> Option<&str> {
+    pub(crate) fn coordinate(&self) -> Option<&str> {
         match self {
             Self::Time => None,
             Self::Position(name)

@@ -51,6 +51,8 @@ pub(super) struct Survey {
     pub(super) spikes: Vec<Spikes>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
+    /// The rows at which positions jump for good, by their lines: the entries and the changes.
+    pub(super) jumps: BTreeMap<u64, Vec<(usize, f64)>>,
     /// The rows in which a position is that of a run of outliers, by their lines, with the entry.
     pub(super) off_rows: BTreeMap<u64, (usize, OffRow)>,
     /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
@@ -275,7 +277,7 @@ impl LogFile {
                     history.push(row.line, *value);
                 }
                 for (burst, value) in bursts.iter_mut().zip(row_positions) {
-                    burst.push(row.line, *value);
+                    burst.push(row.line, time, *value);
                 }
                 if !with_rates.is_empty() {
                     rate_row.clear();
@@ -342,10 +344,14 @@ impl LogFile {
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());
         let mut off_rows = BTreeMap::new();
+        let mut jumps = BTreeMap::<u64, Vec<(usize, f64)>>::new();
         for ((history, burst), entry) in histories.into_iter().zip(bursts).zip(positions) {
             let (stretches, changes) = history.finish(entry);
-            let off = burst.finish(changes.regular);
-            off_rows.extend(off.map(|row| (row.line, (entry, row))));
+            let (off, own_jumps) = burst.finish(changes.regular);
+            off_rows.extend(off.into_iter().map(|row| (row.line, (entry, row))));
+            for jump in own_jumps {
+                jumps.entry(jump.line).or_default().push((entry, jump.by));
+            }
             position_changes.push(changes);
             for stretch in stretches {
                 stuck.entry(stretch.first).or_default().push(stretch);
@@ -384,6 +390,7 @@ impl LogFile {
             spikes,
             position_changes,
             off_rows,
+            jumps,
             doubted_rate,
             uncut,
         })
@@ -506,6 +513,10 @@ impl LogFile {
             let motion = 1..self.layout.efforts().start;
             let mut bridge = Bridge::new(bridging, survey.raw_step, motion);
             self.checked_rows(survey, problem, &mut |row, follows| {
+                // no motion leads across a jump
+                if survey.jumps.contains_key(&row.line) {
+                    bridge.divide(each)?;
+                }
                 bridge.push(row, follows, each)
             })?;
             return bridge.finish(each);

@@ -192,6 +192,16 @@ impl<'a> RowChecker<'a> {
                 }
             }
         }
+        if let Some(jumps) = self.survey.jumps.get(&row.line)
+            && let Some((_, by)) = jumps.first()
+        {
+            follows = false;
+            let columns = jumps.iter().map(|(entry, _)| self.layout.title(*entry));
+            report(Fault::Jump {
+                columns: columns.collect(),
+                by: *by,
+            });
+        }
         for stuck in self.survey.stuck.get(&row.line).into_iter().flatten() {
             if !self.used_faults.stuck {
                 self.stuck_until = self.stuck_until.max(stuck.last);

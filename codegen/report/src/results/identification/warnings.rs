@@ -46,6 +46,12 @@ pub fn unexplained(errors: &[EffortError], has_friction: bool) -> Option<String>
             _ if e.relative_absolute > CONSTANT_PERCENT => {
                 format!("{} (it is the same throughout)", e.name)
             }
+            _ if e.misses_change() => {
+                format!(
+                    "{} ({:.0} % of its change are left)",
+                    e.name, e.relative_absolute
+                )
+            }
             part if part.is_finite() => format!("{} ({part:.0} % are left)", e.name),
             _ => format!("{} (it is 0 throughout)", e.name),
         })

@@ -237,8 +237,15 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         }
     }
     let after = best_errors?;
+    // a constant explains a weight in a wrong unit as well, but is one unknown more
+    let has_offsets = efforts.is_some_and(|change| change.offsets.iter().any(|o| *o != 0.0));
+    let needed = if has_offsets {
+        1.0 / EQUIVALENT_RATIO
+    } else {
+        MIN_GAIN_OVER_EFFORTS
+    };
     if let Some(rival) = rival
-        && quality(&rival.errors) < MIN_GAIN_OVER_EFFORTS * quality(&after)
+        && quality(&rival.errors) < needed * quality(&after)
     {
         return None;
     }
@@ -273,6 +280,31 @@ fn explained<M: BaseModel<f64> + ?Sized>(
         let error = equation.and_then(|i| errors.get(i));
         error.is_none_or(|error| *error < MAX_EXPLAINED_ERROR)
     })
+}
+
+/// Whether a measured coordinate moves: another unit of one that does not is only another posture.
+fn moves(sample: &Sample, k: usize) -> bool {
+    let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+        (low.min(*x), high.max(*x))
+    });
+    // a filter leaves rounding errors
+    high - low > 1e-9 * low.abs().max(high.abs())
+}
+
+/// Whether a measured coordinate is within its limits only with the other sign.
+fn is_mirrored<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, k: usize) -> bool {
+    let joints = model.info().joints;
+    let joint = sample.measured.get(k).and_then(|c| joints.get(*c));
+    let Some([low, high]) = joint.and_then(|joint| joint.limits.position) else {
+        return false;
+    };
+    let within = |sign: f64| {
+        let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+        let inside = values.filter(|q| (low..=high).contains(&(sign * **q)));
+        2 * inside.count() > sample.states.len()
+    };
+    !within(1.0) && within(-1.0)
 }
 
 /// All hypotheses on the units, the signs and the exchange of positions, starting from these
@@ -318,7 +350,25 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
             out.push(plain(scaled(&|c| motion(c) == kind), 1));
         }
     }
-    for (k, c) in sample.measured.iter().enumerate() {
+    let mirrored: Vec<usize> = (0..sample.measured.len())
+        .filter(|k| is_mirrored(model, sample, *k))
+        .collect();
+    if mirrored.len() > 1 {
+        let mut flipped = plain(positions.to_vec(), mirrored.len());
+        for k in mirrored {
+            flipped.positions[k].factor *= -1.0;
+            if let Some(a) = actuator(sample.measured[k]) {
+                flipped.efforts[a].factor *= -1.0;
+            }
+        }
+        out.push(flipped);
+    }
+    for (k, c) in sample
+        .measured
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| moves(sample, *k))
+    {
         if sample.measured.len() > 1 {
             out.push(plain(scaled(&|other| other == *c), 1));
         }

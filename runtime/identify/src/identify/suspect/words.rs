@@ -4,7 +4,7 @@ use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
 use super::positions::Contradiction;
-use super::{Change, MissingConstant, Nominal, Reading, Sample, Shift, Spikes};
+use super::{Change, FarEffort, MissingConstant, Nominal, Reading, Sample, Shift, Spikes};
 use crate::data::{Assignment, Quantity};
 use crate::text;
 
@@ -188,6 +188,45 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         })
     }
 
+    /// The suspicion that something is of the wrong sign, as these coordinates have negative inertias.
+    pub(super) fn light(&self, coordinates: &[usize]) -> Suspicion {
+        let names = coordinates.iter().map(|c| format!("`{}`", self.name(*c)));
+        let names = names.collect::<Vec<_>>().join(", ");
+        self.suspicion(
+            format!("these parameters make the inertia of {names} negative"),
+            Remedy::Read {
+                advice: vec![
+                    "The sign of an effort or of a position, the delay of an effort or the spec's \
+                     gravity may be wrong"
+                        .to_owned(),
+                ],
+                columns: Vec::new(),
+            },
+        )
+    }
+
+    /// The suspicion that efforts are not what acted in a part of the log.
+    pub(super) fn far(&self, efforts: &[FarEffort]) -> Option<Suspicion> {
+        let one = |own: &FarEffort| {
+            let source = self.effort(own.effort);
+            let size = |x: f64| text::figure_of(3, (x / source.factor).abs());
+            let [first, last] = own.times.map(text::figure);
+            let when = if first == last {
+                format!("at {first} s")
+            } else {
+                format!("from {first} s to {last} s")
+            };
+            format!(
+                "column `{}` is up to {} off what the model explains of it {when}, and {} elsewhere",
+                source.column,
+                size(own.largest),
+                size(own.usual),
+            )
+        };
+        let words: Vec<String> = efforts.iter().map(one).collect();
+        (!words.is_empty()).then(|| self.suspicion(words.join(", and "), Remedy::Bounded))
+    }
+
     /// The suspicion that these efforts have constant offsets, which direction-dependent friction
     /// has absorbed; `None` if there are none.
     pub(super) fn shifted(&self, shifts: &[Shift]) -> Option<Suspicion> {
@@ -288,8 +327,29 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let mut words = Vec::new();
         let mut columns = Vec::new();
         self.describe(&positions, &change.positions, &[], &mut words, &mut columns);
+        columns.extend(self.with_derivatives(&columns, sample));
+        let mut shifted = Vec::new();
+        for (quantity, reading) in positions.iter().zip(&change.positions) {
+            if reading.offset != 0.0 {
+                let source = self.source(quantity);
+                let offset = -reading.offset / source.factor;
+                let unit = if source.factor == 1.0 {
+                    ""
+                } else {
+                    " in its unit"
+                };
+                words.push(format!(
+                    "column `{}` looks shifted by {offset:.5}{unit}: its zero is not that of the spec",
+                    source.column
+                ));
+                shifted.push(format!("{offset:.5} from column `{}`", source.column));
+            }
+        }
         self.describe(&efforts, &change.efforts, &own, &mut words, &mut columns);
         let mut advice = Vec::new();
+        if !shifted.is_empty() {
+            advice.push(format!("Subtract {}", shifted.join(" and ")));
+        }
         let mut shifted = Vec::new();
         let mut symmetric = false;
         for (k, offset) in change.offsets.iter().enumerate().filter(|o| *o.1 != 0.0) {
@@ -348,6 +408,36 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             efforts: each.collect(),
             remedy: Remedy::Read { advice, columns },
         })
+    }
+
+    /// The assignments of the velocities and accelerations that the log has, which agree with its positions,
+    /// where these are read in another way.
+    fn with_derivatives(&self, positions: &[Assignment], sample: &Sample) -> Vec<Assignment> {
+        let kinds: [fn(String) -> Quantity; 2] = [Quantity::Velocity, Quantity::Acceleration];
+        let names = |of: &Quantity| of.coordinate().map(str::to_owned);
+        let measured = sample.measured.iter().map(|c| self.name(*c));
+        let sources: Vec<(String, Assignment)> = measured
+            .map(|name| (name.clone(), self.source(&Quantity::Position(name))))
+            .collect();
+        let mut out = Vec::new();
+        for (new, kind) in positions
+            .iter()
+            .flat_map(|new| kinds.map(|kind| (new, kind)))
+        {
+            let from = sources.iter().find(|(_, own)| own.column == new.column);
+            let (Some(to), Some((from, old))) = (names(&new.quantity), from) else {
+                continue;
+            };
+            let source = self.source(&kind(from.clone()));
+            if sample.titles.contains(&source.column) {
+                out.push(Assignment {
+                    quantity: kind(to),
+                    factor: source.factor * new.factor / old.factor,
+                    ..source
+                });
+            }
+        }
+        out
     }
 
     /// Appends the words and the assignments for the changed quantities of one kind.
