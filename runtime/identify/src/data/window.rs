@@ -186,9 +186,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {
             let positions = self.rows.column(entry);
             // a joint that creeps has a velocity, but not the friction of sliding
-            // A filter gives a position that does not change no velocity by itself; beside such a rest
-            // its output is that of the motion that begins, and zeros there would bias the inertia.
-            if self.settings.method.smoothing().is_none() {
+            // A filter gives a position that does not change no velocity by itself, and so does a series; beside
+            // such a rest its output is that of the motion that begins, and zeros there would bias the inertia.
+            if self.settings.method.smoothing().is_none() && self.log.series.is_none() {
                 let unmoved = resting(times, positions, encoder.without_creep());
                 for (k, unmoved) in unmoved.into_iter().enumerate() {
                     if unmoved {
