@@ -214,7 +214,7 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
         harmonics: fitting.harmonics,
         parts: fitting.parts.unwrap_or_default(),
         is_used: true,
-        filtered: 0.0,
+        filtered: None,
         series: 0.0,
     };
     let with_series = Choice {
@@ -246,7 +246,7 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
         return Ok(None);
     }
     let (with_series, with_filter) = (own.variance, other.sum());
-    if !(with_series + with_filter).is_finite() {
+    if !with_series.is_finite() {
         return Ok(None);
     }
     let efforts = mean_square(&series.factor);
@@ -258,7 +258,7 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
     };
     Ok(Some(SeriesChoice {
         is_used: with_series < below * with_filter,
-        filtered: percent(with_filter),
+        filtered: with_filter.is_finite().then(|| percent(with_filter)),
         series: percent(with_series),
         ..found
     }))

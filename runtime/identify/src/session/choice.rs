@@ -114,8 +114,10 @@ pub struct SeriesChoice {
     /// Whether the series is used in place of the filter.
     pub is_used: bool,
     /// What noise leaves unknown of the predicted efforts and biases with the filter, and by how much they differ from
-    /// those with the series beyond what the deviations of both explain, rms, percent of the efforts.
-    pub filtered: f64,
+    /// those with the series beyond what the deviations of both explain, rms, percent of the efforts; `None` where it
+    /// leaves too few equations to tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filtered: Option<f64>,
     /// What noise leaves unknown of them with the series.
     pub series: f64,
 }

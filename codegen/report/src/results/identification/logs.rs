@@ -89,12 +89,16 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
     );
     let mut out = String::new();
     if let Some(own) = &choice.series {
-        let (series, filtered) = (share(own.series), share(own.filtered));
+        let series = share(own.series);
+        let filtered = own.filtered.map_or_else(
+            || "too few equations to tell".to_owned(),
+            |percent| format!("{} %", share(percent)),
+        );
         let (used, other) = if own.is_used {
             let used = format!("--fourier {},{}", own.frequency, own.harmonics);
-            (used, format!("the best filter, {filter}, {filtered} %"))
+            (used, format!("the best filter, {filter}, {filtered}"))
         } else {
-            ("a filter".to_owned(), format!("a filter {filtered} %"))
+            ("a filter".to_owned(), format!("a filter {filtered}"))
         };
         out.push_str(&field(
             "series",
