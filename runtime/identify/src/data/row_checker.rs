@@ -331,12 +331,11 @@ impl<'a> RowChecker<'a> {
             // changes as large as regular ones elsewhere in the log, or as a few encoder steps or
             // deviations of its noise, are allowed too
             let log_changes = self.survey.position_changes.get(entry - first);
-            let allowed =
-                log_changes.map_or(0.0, |c| {
-                    (OUTLIER_ENCODER_STEPS * c.encoder)
-                        .max(c.regular)
-                        .max(OUTLIER_DEVIATIONS * c.noise)
-                });
+            let allowed = log_changes.map_or(0.0, |c| {
+                (OUTLIER_ENCODER_STEPS * c.encoder)
+                    .max(c.regular)
+                    .max(OUTLIER_DEVIATIONS * c.noise)
+            });
             // no value is farther from the median than from all others, and no median is below
             // the smallest change: nearly all rows are judged so, without sorting
             let least = changes.iter().copied().fold(f64::INFINITY, f64::min);

@@ -165,16 +165,15 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     let is_long = |own: &Delay| own.seconds.abs() * rate > MIN_DELAY_ROWS;
     let (each, common) = (&found.delays.efforts, &found.delays.common);
     let is_beyond = |own: &Delay, deviations: f64| own.seconds.abs() > deviations * own.sigma;
-    let certain = each.iter();
-    let certain =
-        certain.filter(|own| own.is_significant() && is_beyond(own, MIN_SINGLE_DEVIATIONS));
+    let certain = each.iter().filter(|own| own.is_significant());
     let mut signs: Vec<bool> = certain.clone().map(|own| own.seconds > 0.0).collect();
     signs.dedup();
     if signs.len() > 1 {
         // what makes some efforts late and others early is an error of the model or of the motion
         return Ok(Lateness::None);
     }
-    if certain.clone().any(&is_long) {
+    let mut certain = certain.filter(|own| is_beyond(own, MIN_SINGLE_DEVIATIONS));
+    if certain.any(&is_long) {
         return Ok(Lateness::Each);
     }
     let is_common = common.as_ref().is_some_and(|all| {
