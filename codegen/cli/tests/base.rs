@@ -1,6 +1,7 @@
 //! `regen base`: tables, JSON, and bases that are not certified.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::fmt::Write as _;
 use std::fs;
 
 use crate::common::{self, mechanism, oracle, regen, regen_with, scratch};
@@ -364,7 +365,8 @@ fn plate_on_legs(angles: &[f64], independent: [usize; 3]) -> String {
         let end = plate(*angle);
         let way = [end[0] - base[0], end[1] - base[1]];
         let turn = way[1].atan2(way[0]);
-        limbs += &format!(
+        let _ = write!(
+            limbs,
             "  - name: leg{k}
     base: {{xyz: [{:.6}, {:.6}, 0]}}
     joints:
@@ -381,9 +383,10 @@ fn plate_on_legs(angles: &[f64], independent: [usize; 3]) -> String {
             limbs += "      - {name: s, type: revolute, body: plate}\n";
             home.push(format!("s: {:.6}", -turn));
         } else {
-            cuts += &format!(
+            let _ = writeln!(
+                cuts,
                 "  - {{name: k{k}, joint: revolute, between: [{{body: r{k}}}, {{body: plate, xyz: [{:.6}, \
-                 {:.6}, 0]}}]}}\n",
+                 {:.6}, 0]}}]}}",
                 end[0] - first[0],
                 end[1] - first[1]
             );

@@ -298,7 +298,9 @@ impl<'a> Walk<'a> {
         if most.is_nan() || most <= 0.0 {
             return None;
         }
-        along.iter_mut().for_each(|x| *x /= most);
+        for x in &mut along {
+            *x /= most;
+        }
         let pairs = from.iter().zip(along.iter().zip(&self.units));
         let start: Vec<f64> = pairs.map(|(q, (x, unit))| q + size * x * unit).collect();
         let mut q = start.clone();
@@ -341,8 +343,8 @@ impl<'a> Walk<'a> {
             rates.chain([residual]).collect()
         });
         let solved = solve_pivoted(dependent(model, a), sides.collect());
-        // this also rejects NaN
-        if !(solved.pivot_ratio > self.min_pivot_ratio) {
+        let ratio = solved.pivot_ratio;
+        if ratio.is_nan() || ratio <= self.min_pivot_ratio {
             return None;
         }
         let width = model.independent.len();
@@ -366,7 +368,9 @@ impl<'a> Walk<'a> {
                 }
             }
             let length = column.iter().map(|x| x * x).sum::<f64>().sqrt();
-            column.iter_mut().for_each(|x| *x /= length);
+            for x in &mut column {
+                *x /= length;
+            }
             basis.push(column);
         }
         Some((basis, correction))
