@@ -1,6 +1,7 @@
 //! `regen base`: tables, JSON, and bases that are not certified.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::fmt::Write as _;
 use std::fs;
 
 use crate::common::{self, mechanism, oracle, regen, regen_with, scratch};
@@ -350,4 +351,68 @@ fn the_cache_changes_no_output() {
             .flatten()
             .all(|e| e.metadata().unwrap().len() > 100)
     );
+}
+
+/// A plate in a plane on prismatic legs at these angles, rad, around it; the first two are beside a third
+/// one, so that their lengths alone hardly determine where the plate is.
+fn plate_on_legs(angles: &[f64], independent: [usize; 3]) -> String {
+    let (mut limbs, mut cuts, mut home) = (String::new(), String::new(), Vec::new());
+    let plate = |angle: f64| [0.02 * angle.cos(), 0.02 * angle.sin()];
+    let first = plate(angles[0]);
+    for (k, angle) in angles.iter().enumerate() {
+        let turned = angle + 0.1 * (5.0 * k as f64 + 1.0).sin();
+        let base = [0.6 * turned.cos(), 0.6 * turned.sin()];
+        let end = plate(*angle);
+        let way = [end[0] - base[0], end[1] - base[1]];
+        let turn = way[1].atan2(way[0]);
+        let _ = write!(
+            limbs,
+            "  - name: leg{k}
+    base: {{xyz: [{:.6}, {:.6}, 0]}}
+    joints:
+      - {{name: a{k}, type: revolute, body: t{k}}}
+      - {{name: p{k}, type: prismatic, axis: x, body: r{k}, actuated: true}}
+",
+            base[0], base[1]
+        );
+        home.push(format!(
+            "a{k}: {turn:.6}, p{k}: {:.6}",
+            way[0].hypot(way[1])
+        ));
+        if k == 0 {
+            limbs += "      - {name: s, type: revolute, body: plate}\n";
+            home.push(format!("s: {:.6}", -turn));
+        } else {
+            let _ = writeln!(
+                cuts,
+                "  - {{name: k{k}, joint: revolute, between: [{{body: r{k}}}, {{body: plate, xyz: [{:.6}, \
+                 {:.6}, 0]}}]}}",
+                end[0] - first[0],
+                end[1] - first[1]
+            );
+        }
+    }
+    let [a, b, c] = independent;
+    format!(
+        "name: plate\nlimbs:\n{limbs}cuts:\n{cuts}independent: [p{a}, p{b}, p{c}]\nhome: {{{}}}\n",
+        home.join(", ")
+    )
+}
+
+#[test]
+fn the_certificate_does_not_depend_on_the_choice_of_the_independent_coordinates() {
+    let dir = scratch("base-independents");
+    let rank = |angles: &[f64], independent: [usize; 3]| {
+        fs::write(dir.join("plate.yaml"), plate_on_legs(angles, independent)).unwrap();
+        let found = regen(&dir, &["base", "plate.yaml", "--format", "json"]).ended(0);
+        found.json()["certificate"]["rank"].as_u64().unwrap()
+    };
+    for angles in [
+        &[0.0, 0.3, 0.6, 2.0, 4.0, 5.0][..],
+        &[0.0, 0.02, 0.04, 2.0, 4.0],
+    ] {
+        let spread = rank(angles, [0, 3, 4]);
+        assert_eq!(rank(angles, [0, 1, 2]), spread, "{angles:?}");
+        assert_eq!(spread, 4 + 3 * angles.len() as u64);
+    }
 }

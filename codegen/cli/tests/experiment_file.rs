@@ -1,6 +1,7 @@
 //! Experiment files in place of logs and options.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -294,8 +295,9 @@ fn wrenches() -> String {
             mass * (a * (0.4 + x) - v * v * y + 9.81 * q.cos()),
         ];
         let moment = inertia * a + x * force[1] - y * force[0];
-        text += &format!(
-            "{t},{},{},{},{}\n",
+        let _ = writeln!(
+            text,
+            "{t},{},{},{},{}",
             q.to_degrees(),
             force[0] + 1.3 + noise(1.1),
             force[1] - 2.1 + noise(2.3),
@@ -466,7 +468,7 @@ limbs:
         let second = 9.81 * (0.3 * (q1 + q2).cos() - 0.02 * (q1 + q2).sin());
         let first = 9.81 * (1.1 * q1.cos() - 0.05 * q1.sin()) + second;
         let (first, second) = (first + noise(91.7), second + noise(57.3));
-        text += &format!("{k},{q1},{q2},{first},{second}\n");
+        let _ = writeln!(text, "{k},{q1},{q2},{first},{second}");
     }
     fs::write(dir.join("poses.csv"), text).unwrap();
 }

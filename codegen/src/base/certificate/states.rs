@@ -2,7 +2,9 @@
 //!
 //! The states are found by a walk in small steps of double precision: the independent coordinates
 //! move towards a random target, the dependent ones follow by linear prediction and Newton's
-//! method. A step that nears a singularity, crosses one, jumps to another assembly branch or leaves
+//! method. Where the independent coordinates are a poor choice, so that others move far more than they do, the
+//! walk goes along the tangents of the closure instead, in which no coordinate is distinguished. A step that
+//! nears a singularity, crosses one, jumps to another assembly branch or leaves
 //! a coordinate's limits is rejected. At the end of each leg of the walk, Newton's method in
 //! multiple precision refines the state.
 
@@ -95,6 +97,10 @@ pub(super) struct Walk<'a> {
     closure_tolerance: f64,
     home: Vec<f64>,
     q: Vec<f64>,
+    /// The largest step of each coordinate, by which tangents are measured.
+    units: Vec<f64>,
+    /// Whether steps are along the tangents of the closure, whichever coordinates are independent.
+    is_tangential: bool,
 }
 
 impl<'a> Walk<'a> {
@@ -138,6 +144,15 @@ impl<'a> Walk<'a> {
             closure_tolerance: CLOSURE_TOLERANCE * size,
             home: home.to_vec(),
             q: home.to_vec(),
+            units: Vec::new(),
+            is_tangential: false,
+        };
+        let all = 0..model.coordinates.len();
+        let walk = Walk {
+            units: all
+                .map(|c| largest_step(model, &walk.ranges, home, c, units))
+                .collect(),
+            ..walk
         };
         match walk.polish(home) {
             Some(_) => Ok(walk),
@@ -159,11 +174,21 @@ impl<'a> Walk<'a> {
     ///
     /// Where no state is found within all limits, those of the dependent coordinates are left out from
     /// then on: they keep states usual, but any closed state on the branch counts. So it is where
-    /// drives are independent, and a joint that follows them has a narrow range.
+    /// drives are independent, and a joint that follows them has a narrow range. Where none is found
+    /// either way, the walk goes along the tangents of the closure from then on.
     pub(super) fn next(&mut self) -> Option<State> {
-        if let Some(state) = self.search() {
+        if let Some(state) = self.search().or_else(|| self.search_without_limits()) {
             return Some(state);
         }
+        if self.is_tangential || self.model.dependent.is_empty() {
+            return None;
+        }
+        self.is_tangential = true;
+        self.search()
+    }
+
+    /// The next state without the limits of dependent coordinates; `None` if they have none.
+    fn search_without_limits(&mut self) -> Option<State> {
         let mut freed = false;
         for &c in &self.model.dependent {
             freed |= self.ranges[c][0].is_finite();
@@ -203,6 +228,9 @@ impl<'a> Walk<'a> {
         }
         let (least, most) = LEG_STEPS;
         let steps = least + (self.random.bits() % u64::from(most - least + 1)) as u32;
+        if self.is_tangential {
+            return self.tangential_leg(steps);
+        }
         let count = f64::from(steps);
         let mut step = vec![0.0; self.model.independent.len()];
         let independent = self.model.independent.iter().zip(&self.largest_steps);
@@ -228,6 +256,124 @@ impl<'a> Walk<'a> {
             last = core::mem::replace(&mut self.q, next);
         }
         self.q != before
+    }
+
+    /// Walks one leg along the tangents of the closure, in a direction that goes on as straight as they
+    /// allow; false if it could not move at all.
+    fn tangential_leg(&mut self, steps: u32) -> bool {
+        let n = self.q.len();
+        let direction: Vec<f64> = (0..n).map(|_| self.random.next()).collect();
+        let size = self.random.between(0.2, 1.0);
+        let (before, mut direction) = (self.q.clone(), direction);
+        let mut last = before.clone();
+        for _ in 0..steps {
+            let Some((next, along)) = self.tangential_step(&self.q, &direction, size) else {
+                // undo the last step before the obstacle
+                self.q = last;
+                break;
+            };
+            direction = along;
+            last = core::mem::replace(&mut self.q, next);
+        }
+        self.q != before
+    }
+
+    /// Takes a small step along the tangent that is nearest to a direction, in which the coordinate that
+    /// moves most moves by this part of its largest step. Returns the state and the tangent, or `None` if
+    /// the step must be rejected.
+    ///
+    /// Newton's steps are across the tangents: were the independent coordinates kept, an error would be
+    /// corrected by far larger moves where they are a poor choice.
+    fn tangential_step(
+        &self,
+        from: &[f64],
+        direction: &[f64],
+        size: f64,
+    ) -> Option<(Vec<f64>, Vec<f64>)> {
+        let (_, a) = self.loops.at(from);
+        let a_before = dependent(self.model, &a);
+        let (tangents, _) = self.tangents(&a, None)?;
+        let mut along = projected(&tangents, direction);
+        let most = along.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        if most.is_nan() || most <= 0.0 {
+            return None;
+        }
+        for x in &mut along {
+            *x /= most;
+        }
+        let pairs = from.iter().zip(along.iter().zip(&self.units));
+        let start: Vec<f64> = pairs.map(|(q, (x, unit))| q + size * x * unit).collect();
+        let mut q = start.clone();
+        let mut a_after = None;
+        for _ in 0..8 {
+            let (f, a) = self.loops.at(&q);
+            let largest = f.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            let (tangents, correction) = self.tangents(&a, Some(&f))?;
+            if largest <= self.closure_tolerance {
+                a_after = Some(dependent(self.model, &a));
+                break;
+            }
+            let within = projected(&tangents, &correction);
+            let moves = correction.iter().zip(&within).zip(&self.units);
+            for (q, ((x, inside), unit)) in q.iter_mut().zip(moves) {
+                *q += (x - inside) * unit;
+            }
+        }
+        let a_after = a_after?;
+        let moves = q.iter().zip(&start).zip(&self.units);
+        let corrected = moves.fold(0.0, |m: f64, ((a, b), unit)| m.max(((a - b) / unit).abs()));
+        let inside = q
+            .iter()
+            .zip(&self.ranges)
+            .all(|(q, [low, high])| (low..=high).contains(&q));
+        (inside && corrected <= MAX_CORRECTION_FRACTION * size && same_side(&a_before, &a_after))
+            .then_some((q, along))
+    }
+
+    /// An orthonormal basis of the tangents of the closure, and the step of the dependent coordinates
+    /// that closes the loops to first order, both in parts of the largest steps. `None` too close to a
+    /// singularity.
+    ///
+    /// - `f`: the residuals; without them the step is 0.
+    fn tangents(&self, a: &[Vec<f64>], f: Option<&[f64]>) -> Option<(Vec<Vec<f64>>, Vec<f64>)> {
+        let model = self.model;
+        let sides = a.iter().enumerate().map(|(row, own)| {
+            let rates = model.independent.iter().map(|&c| -own[c]);
+            let residual = f.and_then(|f| f.get(row)).map_or(0.0, |x| -x);
+            rates.chain([residual]).collect()
+        });
+        let solved = solve_pivoted(dependent(model, a), sides.collect());
+        let ratio = solved.pivot_ratio;
+        if ratio.is_nan() || ratio <= self.min_pivot_ratio {
+            return None;
+        }
+        let width = model.independent.len();
+        let mut columns = vec![vec![0.0; self.units.len()]; width + 1];
+        for (k, &c) in model.independent.iter().enumerate() {
+            columns[k][c] = 1.0 / self.units[c];
+        }
+        for (&c, row) in model.dependent.iter().zip(&solved.solution) {
+            for (column, x) in columns.iter_mut().zip(row) {
+                column[c] = x / self.units[c];
+            }
+        }
+        let correction = columns.pop()?;
+        let mut basis: Vec<Vec<f64>> = Vec::with_capacity(width);
+        for mut column in columns {
+            // twice is enough (Giraud et al. 2005)
+            for _ in 0..2 {
+                let within = projected(&basis, &column);
+                for (x, y) in column.iter_mut().zip(within) {
+                    *x -= y;
+                }
+            }
+            let length = column.iter().map(|x| x * x).sum::<f64>().sqrt();
+            for x in &mut column {
+                *x /= length;
+            }
+            basis.push(column);
+        }
+        Some((basis, correction))
     }
 
     /// Takes a small step of the independent coordinates; `None` if it must be rejected.
@@ -386,6 +532,18 @@ fn largest_step(model: &Model, ranges: &[[f64; 2]], home: &[f64], c: usize, unit
         } else {
             2.0 * slide(home[c], units)
         }
+}
+
+/// The part of a vector in the span of orthonormal ones.
+fn projected(basis: &[Vec<f64>], vector: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; vector.len()];
+    for own in basis {
+        let part: f64 = own.iter().zip(vector).map(|(a, b)| a * b).sum();
+        for (x, y) in out.iter_mut().zip(own) {
+            *x += part * y;
+        }
+    }
+    out
 }
 
 /// A_e: the dependent columns of all rows.

@@ -127,6 +127,7 @@ runs:
 ",
     );
     let expected = Settings {
+        poses: false,
         format: Format {
             header: Header::None,
             separator: Some(Separator::Semicolon),
