@@ -261,6 +261,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
             .filter(|_| sample.spikes.is_empty()),
     );
     out.extend(columns.spikes(&sample.spikes));
+    out.extend(held(columns, sample));
     if let Some((what, assignment)) = &sample.doubted_rate
         && let Ok(assignment) = assignment.parse()
     {
@@ -270,6 +271,28 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(missed_by_series(columns, sample, &findings.errors));
     }
     out
+}
+
+/// The columns that have a new value only every few rows.
+fn held<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let one = |(title, rows): &(String, usize)| {
+        format!("column `{title}` has a new value only every {rows} rows")
+    };
+    let words: Vec<String> = sample.held.iter().map(one).collect();
+    (!words.is_empty()).then(|| {
+        let advice = "Its values are up to as many rows old, as those of a slower sensor or topic: log it \
+                      with the others";
+        columns.suspicion(
+            words.join(", and "),
+            Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: Vec::new(),
+            },
+        )
+    })
 }
 
 /// Whether the times are in another unit than s.
