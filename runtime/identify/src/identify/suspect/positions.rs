@@ -135,8 +135,16 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     }
     // a constant explains a weight in a wrong unit as well, but is one unknown more
     let has_offsets = efforts.is_some_and(|change| change.offsets.iter().any(|o| *o != 0.0));
+    let changed = |read: &[Reading]| {
+        let plain = Reading::plain(read.len());
+        read.iter().zip(&plain).filter(|(a, b)| a != b).count()
+    };
+    let is_as_simple =
+        efforts.is_some_and(|change| changed(&positions) <= changed(&change.efforts));
     let needed = if has_offsets {
         1.0 / EQUIVALENT_RATIO
+    } else if is_as_simple {
+        EQUIVALENT_RATIO
     } else {
         MIN_GAIN_OVER_EFFORTS
     };
