@@ -500,3 +500,143 @@ fn the_json_contains_the_suspicion() {
         .json();
     assert!(json.get("suspicions").is_none());
 }
+
+/// The error of all efforts.
+fn error_of(run: &Run) -> f64 {
+    run.json()["relative_absolute"].as_f64().unwrap()
+}
+
+#[test]
+fn a_position_that_jumps_for_good_is_refused_with_its_row_and_divides_the_log() {
+    let (dir, log) = bench("jumps_for_good");
+    let clean = identify(&dir, &log.text(), &["--format", "json"]).ended(0);
+    // two runs in the wrong order, with times that go on
+    let mut swapped = log.clone();
+    let order = log.0[731..].iter().chain(&log.0[1..731]);
+    for (k, own) in order.enumerate() {
+        swapped.0[k + 1].clone_from(own);
+        swapped.0[k + 1][0].clone_from(&log.0[k + 1][0]);
+    }
+    let shifted = log.each("q3", |row, x| if row < 1271 { x } else { x + 0.3 });
+    for faulty in [&swapped, &shifted] {
+        let run = identify(&dir, &faulty.text(), &[]).ended(3);
+        assert!(run.err.contains("row 1273: column"), "{}", run.err);
+        assert!(run.err.contains("not come back"), "{}", run.err);
+    }
+    let options = ["--problems", "drop", "--format", "json"];
+    let run = identify(&dir, &swapped.text(), &options).ended(0);
+    assert!(
+        error_of(&run) < 1.2 * error_of(&clean),
+        "{}",
+        error_of(&run)
+    );
+}
+
+#[test]
+fn the_zero_of_a_position_that_is_not_that_of_the_spec_is_told_with_its_size() {
+    let (dir, log) = bench("zeros");
+    let clean = identify(&dir, &log.text(), &["--format", "json"]).ended(0);
+    for (name, zero) in [("q1", 0.25), ("q3", -0.4)] {
+        let text = log.each(name, |_, x| x + zero).text();
+        let run = identify(&dir, &text, &[]).ended(0);
+        let (_, told) = run.err.split_once("Subtract ").expect(&run.err);
+        let (size, from) = told.trim().split_once(" from column ").unwrap();
+        assert_eq!(from, format!("`{name}`"));
+        let size: f64 = size.parse().unwrap();
+        assert!((size - zero).abs() < 0.01 * zero.abs(), "{size} {zero}");
+        let mended = log.each(name, |_, x| x + zero - size).text();
+        let run = identify(&dir, &mended, &["--format", "json"]).ended(0);
+        assert!(
+            error_of(&run) < 1.2 * error_of(&clean),
+            "{}",
+            error_of(&run)
+        );
+    }
+}
+
+#[test]
+fn an_effort_that_is_far_off_in_a_part_of_the_log_is_told_with_a_remedy_that_works() {
+    let (dir, log) = bench("far_efforts");
+    let clean = identify(&dir, &log.text(), &["--format", "json"])
+        .ended(0)
+        .json();
+    for (name, first, rows) in [("tau_q1", 400, 40), ("tau_q3", 1290, 25)] {
+        let off = |row: usize, x: f64| {
+            if (first..first + rows).contains(&row) {
+                x + 30.0
+            } else {
+                x
+            }
+        };
+        let text = log.each(name, off).text();
+        let run = identify(&dir, &text, &[]).ended(0);
+        let told = format!("column `{name}` is up to ");
+        assert!(run.err.contains(&told), "{}", run.err);
+        assert!(run.err.contains("Give --huber 1.345"), "{}", run.err);
+        let options = ["--huber", "1.345", "--format", "json"];
+        let run = identify(&dir, &text, &options).ended(0);
+        assert!(!run.err.contains(&told), "{}", run.err);
+        let pairs = run.json()["parameters"].as_array().unwrap().clone();
+        for (own, other) in pairs.iter().zip(clean["parameters"].as_array().unwrap()) {
+            let value = |json: &serde_json::Value| json["value"].as_f64().unwrap();
+            let off = (value(own) - value(other)) / own["sigma"].as_f64().unwrap();
+            assert!(off.abs() < 4.0, "{name}: {own} {other}");
+        }
+    }
+}
+
+#[test]
+fn copies_and_columns_that_are_seldom_new_are_named() {
+    let (dir, log) = bench("copied_columns");
+    let mut copied = log.clone();
+    let (from, to) = (log.column("tau_q1"), log.column("tau_q3"));
+    for row in copied.0.iter_mut().skip(1) {
+        row[to] = row[from].clone();
+    }
+    let run = identify(&dir, &copied.text(), &[]);
+    let told = "columns `tau_q1` and `tau_q3` have the same values in all rows";
+    assert!(run.err.contains(told), "{}", run.err);
+    for (name, every) in [("q1", 4), ("tau_q3", 9)] {
+        let late = log.each(name, |row, _| log.value(name, row / every * every));
+        let run = identify(&dir, &late.text(), &[]).ended(0);
+        let told = format!("column `{name}` has a new value only every {every} rows");
+        assert!(run.err.contains(&told), "{}", run.err);
+        assert!(!run.err.contains("saturated"), "{}", run.err);
+    }
+}
+
+#[test]
+fn a_wrong_unit_of_time_is_told_where_no_filter_can_be_chosen() {
+    let (dir, log) = bench("slow_clocks");
+    let text = log.each("t", |_, t| 1e6 * t).text();
+    fs::write(dir.join("log.csv"), text).unwrap();
+    let run = regen(&dir, &["identify", "r.yaml", "log.csv"]);
+    assert!(
+        run.err.contains("column `t` looks like us and not s"),
+        "{}",
+        run.err
+    );
+}
+
+#[test]
+fn velocities_of_another_clock_or_order_are_told_with_all_columns() {
+    let (dir, log) = bench("velocities");
+    let mut with = log.clone();
+    with.0[0].extend(["qd_q1", "qd_q3"].map(str::to_owned));
+    let step = log.value("t", 1) - log.value("t", 0);
+    for row in 0..log.0.len() - 1 {
+        for name in ["q1", "q3"] {
+            let (before, after) = (row.saturating_sub(1), (row + 1).min(log.0.len() - 2));
+            let change = log.value(name, after) - log.value(name, before);
+            let rate = change / (step * (after - before) as f64);
+            with.0[row + 1].push(rate.to_string());
+        }
+    }
+    let run = identify(&dir, &with.swapped("qd_q1", "qd_q3").text(), &[]).ended(3);
+    let told = "--column qd_q1=qd_q3 --column qd_q3=qd_q1";
+    assert!(run.err.contains(told), "{}", run.err);
+    let options: Vec<&str> = told.split(' ').collect();
+    let _ = identify(&dir, &with.swapped("qd_q1", "qd_q3").text(), &options).ended(0);
+    let run = identify(&dir, &with.each("t", |_, t| 2.5 * t).text(), &[]).ended(3);
+    assert!(run.err.contains("--column 't=t*0.4'"), "{}", run.err);
+}

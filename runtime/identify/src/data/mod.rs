@@ -37,6 +37,7 @@ mod settings;
 mod shift;
 mod sketch;
 mod spikes;
+mod stale;
 mod standstill;
 mod start;
 mod stretch;

@@ -17,7 +17,9 @@ use super::row_cache::{RecordSink, RowCache};
 use super::row_checker::RowChecker;
 use super::run::Run;
 use super::settings::Settings;
+
 use super::spikes::{SpikeFinder, said_of};
+use super::stale::StaleFinder;
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
 use crate::identify::suspect::Spikes;
 use crate::text;
@@ -51,6 +53,8 @@ pub(super) struct Survey {
     pub(super) spikes: Vec<Spikes>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
+    /// For each entry of a row the number of rows after which it has a new value.
+    pub(super) held: Vec<usize>,
     /// The rows at which positions jump for good, by their lines: the entries and the changes.
     pub(super) jumps: BTreeMap<u64, Vec<(usize, f64)>>,
     /// The rows in which a position is that of a run of outliers, by their lines, with the entry.
@@ -223,6 +227,7 @@ impl LogFile {
         let positions = self.layout.positions();
         let mut histories = vec![PositionHistory::default(); positions.len()];
         let mut bursts = vec![BurstFinder::default(); positions.len()];
+        let mut stale = vec![StaleFinder::default(); self.layout.channels.len()];
         let mut finder = DropoutFinder::default();
         let mut spikes = SpikeFinder::new(self.layout.efforts().len());
         let mut rates = Rates::default();
@@ -268,6 +273,9 @@ impl LogFile {
                     spikes.pause();
                     rates.pause();
                     accelerations.pause();
+                }
+                for (stale, value) in stale.iter_mut().zip(&row.values) {
+                    stale.push(*value);
                 }
                 finder.push(row.line, &row.values);
                 spikes.push(row.line, time, &row.values[self.layout.efforts()]);
@@ -390,6 +398,7 @@ impl LogFile {
             spikes,
             position_changes,
             off_rows,
+            held: stale.into_iter().map(StaleFinder::finish).collect(),
             jumps,
             doubted_rate,
             uncut,

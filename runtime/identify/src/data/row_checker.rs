@@ -304,11 +304,14 @@ impl<'a> RowChecker<'a> {
         let mut saturated = Vec::new();
         let extremes = self.survey.extremes.iter();
         let counts = self.rows_at_extreme.iter_mut();
+        let first = self.layout.efforts().start;
         for (k, ((value, extreme), count)) in values.iter().zip(extremes).zip(counts).enumerate() {
+            // a column with a new value every few rows holds its largest one for these
+            let held = self.survey.held.get(first + k).copied().unwrap_or(1);
             let (low, high) = *extreme;
             let is_at_extreme = (*value >= high || *value <= low) && low < high;
             *count = if is_at_extreme { *count + 1 } else { 0 };
-            if *count >= SATURATED_ROWS {
+            if *count >= SATURATED_ROWS && (held < 2 || *count > 2 * held) {
                 saturated.push((k, *count));
             }
         }

@@ -10,6 +10,8 @@ use crate::identify::suspect::{Measured, STATES, Sample};
 use crate::signals::Method;
 use regen_runtime::Model;
 
+/// The number of rows for which a drive holds an effort that acts so.
+const MAX_HELD_EFFORT: usize = 2;
 /// Rows of a log that are differentiated for its sample; more only where a filter needs longer
 /// stretches.
 const SAMPLED_ROWS: usize = 16_384;
@@ -41,6 +43,19 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             unmeasured: log.file.layout.unmeasured.clone(),
             titles: log.file.layout.header.clone(),
             time_column: log.file.layout.time_column().map(str::to_owned),
+            held: (log.file.layout.positions().start..)
+                .zip(log.survey.held.iter().skip(1))
+                .filter(|(entry, rows)| {
+                    // drives hold their efforts for a few rows, which act so
+                    **rows
+                        > if log.file.layout.efforts().contains(entry) {
+                            MAX_HELD_EFFORT
+                        } else {
+                            1
+                        }
+                })
+                .map(|(entry, rows)| (log.file.layout.title(entry), *rows))
+                .collect(),
             doubted_rate: log.survey.doubted_rate.clone(),
             // the times of poses are not those of a clock
             step: if self.settings.poses {

@@ -260,7 +260,7 @@ fn orders(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
 }
 
 /// All orders of `0..count`.
-fn permutations(count: usize) -> Vec<Vec<usize>> {
+pub(super) fn permutations(count: usize) -> Vec<Vec<usize>> {
     let mut out = vec![Vec::new()];
     for _ in 0..count {
         let more = |order: &Vec<usize>| -> Vec<Vec<usize>> {

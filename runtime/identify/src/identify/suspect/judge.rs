@@ -269,6 +269,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
             .filter(|_| sample.spikes.is_empty()),
     );
     out.extend(columns.spikes(&sample.spikes));
+    out.extend(held(columns, sample));
     if let Some((what, assignment)) = &sample.doubted_rate
         && let Ok(assignment) = assignment.parse()
     {
@@ -288,6 +289,28 @@ pub fn contradiction<M: BaseModel<f64> + ?Sized>(
 ) -> Option<Suspicion> {
     let found = positions::contradiction(columns.model, sample)?;
     columns.contradicting(sample, found)
+}
+
+/// The columns that have a new value only every few rows.
+fn held<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let one = |(title, rows): &(String, usize)| {
+        format!("column `{title}` has a new value only every {rows} rows")
+    };
+    let words: Vec<String> = sample.held.iter().map(one).collect();
+    (!words.is_empty()).then(|| {
+        let advice = "Its values are up to as many rows old, as those of a slower sensor or topic: log it \
+                      with the others";
+        columns.suspicion(
+            words.join(", and "),
+            Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: Vec::new(),
+            },
+        )
+    })
 }
 
 /// Whether the times are in another unit than s.

@@ -39,6 +39,8 @@ pub struct Sample {
     /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
     /// the assignment that corrects it.
     pub doubted_rate: Option<(String, String)>,
+    /// The titles of columns that have a new value only every so many rows.
+    pub held: Vec<(String, usize)>,
     /// The usual step between rows of the log, s.
     pub step: f64,
     /// The number of states of a whole pass over the log.

@@ -14,6 +14,10 @@ const EQUIVALENT_RATIO: f64 = 1.05;
 /// A change of positions is preferred to one of efforts only if its product of errors is smaller
 /// by this factor.
 const MIN_GAIN_OVER_EFFORTS: f64 = 1.5;
+/// The part of the largest error that a change of positions may leave.
+const MAX_LEFT_OF_WORST: f64 = 0.85;
+/// The largest number of positions of which all orders are tried at once.
+const MAX_ORDERED: usize = 4;
 /// The largest number of changes made one after the other.
 const MAX_ROUNDS: usize = 2;
 /// The smallest number of states for a hypothesis.
@@ -237,10 +241,24 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         }
     }
     let after = best_errors?;
+    let worst = |errors: &[f64]| errors.iter().fold(0.0, |m: f64, e| m.max(*e));
+    if let Some(start) = &start
+        && worst(&after) > MAX_LEFT_OF_WORST * worst(&start.errors)
+    {
+        return None;
+    }
     // a constant explains a weight in a wrong unit as well, but is one unknown more
     let has_offsets = efforts.is_some_and(|change| change.offsets.iter().any(|o| *o != 0.0));
+    let changed = |read: &[Reading]| {
+        let plain = Reading::plain(read.len());
+        read.iter().zip(&plain).filter(|(a, b)| a != b).count()
+    };
+    let is_as_simple =
+        efforts.is_some_and(|change| changed(&positions) <= changed(&change.efforts));
     let needed = if has_offsets {
         1.0 / EQUIVALENT_RATIO
+    } else if is_as_simple {
+        EQUIVALENT_RATIO
     } else {
         MIN_GAIN_OVER_EFFORTS
     };
@@ -348,6 +366,23 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
     for kind in [Motion::Rotation, Motion::Translation] {
         if sample.measured.iter().any(|c| motion(*c) == kind) {
             out.push(plain(scaled(&|c| motion(c) == kind), 1));
+        }
+    }
+    if (3..=MAX_ORDERED).contains(&sample.measured.len()) {
+        for order in super::efforts::permutations(sample.measured.len()) {
+            let moved = order
+                .iter()
+                .enumerate()
+                .filter(|(k, from)| k != *from)
+                .count();
+            // exchanges of two are below
+            if moved > 2 {
+                let mut ordered = plain(positions.to_vec(), moved);
+                for (k, from) in order.iter().enumerate() {
+                    ordered.positions[k] = positions[*from];
+                }
+                out.push(ordered);
+            }
         }
     }
     let mirrored: Vec<usize> = (0..sample.measured.len())
