@@ -1,5 +1,7 @@
 //! The controllers of a window, with the derivatives of their efforts.
 
+use std::collections::VecDeque;
+
 use crate::parameters::Entry;
 use crate::plant::Posture;
 use crate::setup::{Action, Damping, Law};
@@ -52,6 +54,10 @@ pub(crate) struct Controller {
     command: Sensitive,
     command_rate: f64,
     pub(crate) effort: Sensitive,
+    /// Efforts that are computed and do not act yet.
+    waiting: VecDeque<Sensitive>,
+    /// The velocities of the last samples, the last one first.
+    velocities: VecDeque<Sensitive>,
 }
 
 impl Controller {
@@ -73,6 +79,8 @@ impl Controller {
             command: zero.clone(),
             command_rate: 0.0,
             effort: zero,
+            waiting: VecDeque::new(),
+            velocities: VecDeque::new(),
         }
     }
 
@@ -92,7 +100,7 @@ impl Controller {
         self.command_rate = before.map_or(0.0, |b| (command.value - b.value) / step);
         let mut rate = Sensitive::constant(0.0, error.rates.len());
         match self.law.damping {
-            Damping::OfVelocity => rate.add(velocity, -1.0),
+            Damping::OfVelocity => rate.add(&self.late_velocity(velocity), -1.0),
             Damping::OfError => {
                 let earlier = self.last.take().or_else(|| {
                     // at the start of a window, the joint's previous position is extrapolated from
@@ -108,10 +116,13 @@ impl Controller {
                 }
             }
         }
+        if self.waiting.is_empty() {
+            self.wait(&error, velocity, step, before.is_some());
+        }
         let mut grown = self.integral.clone();
         grown.add(&error, step);
         let effort = self.combined(&error, &grown, &rate);
-        self.effort = match self.law.limit {
+        let computed = match self.law.limit {
             Some([lo, hi]) if effort.value > hi || effort.value < lo => {
                 // an integral does not wind up while the drive is saturated in its direction
                 let bound = if effort.value > hi { hi } else { lo };
@@ -129,8 +140,53 @@ impl Controller {
                 effort
             }
         };
+        self.waiting.push_back(computed);
+        self.effort = self.waiting.pop_front().unwrap_or_default();
         self.last = Some(error);
         self.command = command;
+    }
+
+    /// The velocity that the derivative gain multiplies; before the first sample it was constant.
+    fn late_velocity(&mut self, velocity: &Sensitive) -> Sensitive {
+        let late = self.law.velocity_late;
+        if late <= 0.0 {
+            return velocity.clone();
+        }
+        self.velocities.push_front(velocity.clone());
+        #[allow(clippy::cast_sign_loss, reason = "above 0")]
+        let whole = late.floor() as usize;
+        let part = late - whole as f64;
+        let mut out = Sensitive::constant(0.0, velocity.rates.len());
+        for (k, weight) in [(whole, 1.0 - part), (whole + 1, part)] {
+            let own = self.velocities.get(k).or_else(|| self.velocities.back());
+            if let Some(own) = own {
+                out.add(own, weight);
+            }
+        }
+        self.velocities.truncate(whole + 2);
+        out
+    }
+
+    /// Computes the efforts that act until the one of the first sample does: before it the joint and the
+    /// command moved evenly.
+    fn wait(&mut self, error: &Sensitive, velocity: &Sensitive, step: f64, has_rate: bool) {
+        let mut rate = Sensitive::constant(0.0, error.rates.len());
+        let is_of_velocity = self.law.damping == Damping::OfVelocity;
+        if is_of_velocity || has_rate {
+            rate.add(velocity, -1.0);
+        }
+        if !is_of_velocity {
+            rate.value += self.command_rate;
+        }
+        for k in (1..=self.law.late).rev() {
+            let before = k as f64 * step;
+            let mut earlier = error.clone();
+            earlier.add(velocity, before);
+            earlier.value -= before * self.command_rate;
+            let effort = self.combined(&earlier, &self.integral, &rate);
+            let held = self.law.limit.map(|limit| clamped(effort.clone(), limit));
+            self.waiting.push_back(held.unwrap_or(effort));
+        }
     }
 
     /// The effort between samples.

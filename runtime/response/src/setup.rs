@@ -39,16 +39,7 @@ impl Value {
     }
 }
 
-/// What the derivative gain of a controller multiplies.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Damping {
-    /// The rate of the position error: its difference from sample to sample over the time between
-    /// them.
-    #[default]
-    OfError,
-    /// The joint's velocity with a negative sign, as the actuators of physics engines do.
-    OfVelocity,
-}
+pub use regen_experiment::simulate::Damping;
 
 /// When a controller changes its effort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,6 +68,12 @@ pub struct Law {
     pub damping: Damping,
     /// The least and the greatest effort, N m or N; `None` without limits.
     pub limit: Option<[f64; 2]>,
+    /// The number of rows from a measurement until the effort that is computed from it acts, of controllers
+    /// that act at the samples.
+    pub late: usize,
+    /// The number of rows by which the velocity is late that the derivative gain multiplies, of controllers
+    /// that act at the samples; between two rows it changes evenly.
+    pub velocity_late: f64,
 }
 
 impl Law {
@@ -100,6 +97,8 @@ impl Law {
             offset: Value::known(0.0),
             damping: Damping::OfError,
             limit: None,
+            late: 0,
+            velocity_late: 0.0,
         }
     }
 

@@ -3,7 +3,7 @@
 use regen_experiment::simulate::Gains;
 use regen_identify::data::Run as LogRun;
 use regen_interpreted::Interpreted;
-use regen_response::{Action, Damping, Law, Setup, controllers};
+use regen_response::{Law, Setup, controllers};
 use regen_runtime::Info;
 
 use crate::args::IdentifyArgs;
@@ -102,12 +102,6 @@ pub(super) fn require_known(setup: &Setup) -> Result<(), Failure> {
     let wrong = if is_any(|law| law.gains().iter().any(|g| g.is_estimated())) {
         "known gains only: leave `estimate` out, or state no controllers, so that the loop has the \
          bandwidth of --loop-bandwidth"
-    } else if is_any(|law| law.damping != Damping::OfError) {
-        "only controllers whose kd multiplies the rate of the error: leave out `damping: velocity`, \
-         or choose --estimator response"
-    } else if setup.action != Action::Sampled {
-        "only controllers that act at the rows of the log: leave out `action: continuous`, or choose \
-         --estimator response"
     } else if !setup.signals.is_empty() {
         "only signals as they are logged: leave `signals` out, or choose --estimator response"
     } else {

@@ -30,6 +30,18 @@ pub(super) static CONTROLLERS: Record = record(
             "When the controllers act; sampled if missing",
         ),
         optional(
+            "latency",
+            Shape::Number(Range::NotNegative),
+            "The number of rows from a measurement until the effort that is computed from it acts, \
+             where the efforts are sampled; 0 if missing",
+        ),
+        optional(
+            "velocity_latency",
+            Shape::Number(Range::NotNegative),
+            "The number of rows by which the velocity of `damping: velocity` is late, such as 0.5 for a \
+             difference of two rows; 0 if missing",
+        ),
+        optional(
             "signals",
             Shape::Map(
                 &Shape::Record(&SIGNAL),

@@ -13,7 +13,7 @@ mod yaml;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use regen_runtime::{BaseModel, Info};
+use regen_runtime::{BaseModel, BaseParameter, Info};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -168,6 +168,13 @@ pub struct ParameterFile {
     pub joints: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
+/// Whether a base parameter is friction or the inertia of a drive alone, which is never below zero.
+fn is_never_negative(parameter: &BaseParameter<'_>) -> bool {
+    let label = parameter.label;
+    let of_drive = label.starts_with("Fv") || label.starts_with("Fc") || label.starts_with("J(");
+    of_drive && rows::combination(parameter) == label
+}
+
 impl ParameterFile {
     /// Builds the file's content from an identified model.
     ///
@@ -194,7 +201,12 @@ impl ParameterFile {
                 Status::LeftOut
             } else {
                 let bias = identified.intervals.bias.get(k).copied().unwrap_or(0.0);
-                shares.status_with_bias(k, *value, sigma, bias)
+                let found = shares.status_with_bias(k, *value, sigma, bias);
+                if is_never_negative(parameter) {
+                    EffortContributions::of_positive(found, *value, sigma)
+                } else {
+                    found
+                }
             };
             let share = shares.percent(k, *value);
             ParameterRow::new(parameter, &info, *value, interval, share, status)
