@@ -200,7 +200,7 @@ struct Rule {
     why: &'static str,
 }
 
-const RULES: [Rule; 31] = [
+const RULES: [Rule; 32] = [
     Rule {
         commands: &["identify"],
         options: &READING,
@@ -265,9 +265,15 @@ const RULES: [Rule; 31] = [
     },
     Rule {
         commands: &["identify", "rehearse"],
-        options: &["weighting", "bandwidth"],
+        options: &["weighting"],
         holds: |w| w.estimator() == "response",
         why: "the fit to responses has no equations of efforts",
+    },
+    Rule {
+        commands: &["identify"],
+        options: &["bandwidth"],
+        holds: |w| w.estimator() == "response",
+        why: "the deviations of a fit to responses have no such bandwidth",
     },
     Rule {
         commands: &["identify", "rehearse"],

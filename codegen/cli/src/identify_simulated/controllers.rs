@@ -92,7 +92,18 @@ fn setup(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Option<Setup>, 
     let found = controllers(&parameters::value(path)?, &model.info());
     match found {
         Ok(found) => Ok(Some(found)),
-        Err(why) => Err(Failure::Input(format!("{}: {why}", path.display()))),
+        Err(wrong) if wrong.place.is_empty() => {
+            Err(Failure::Input(format!("{}: {}", path.display(), wrong.why)))
+        }
+        Err(wrong) => {
+            let remedy = "`regen simulate --controller` writes such a file";
+            Err(parameters::wrong_part(
+                path,
+                &wrong.place,
+                &wrong.why,
+                remedy,
+            ))
+        }
     }
 }
 
