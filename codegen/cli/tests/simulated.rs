@@ -285,7 +285,7 @@ fn undetermined_controller_parameters_are_named_and_exit_with_4() {
 
 #[test]
 fn missing_and_wrong_inputs_of_simulated_fits_are_reported_with_the_remedy() {
-    let dir = prepared("simulated_wrong");
+    let dir = prepared("simulated_wrong_inputs");
     let text = fs::read_to_string(dir.join("run.csv")).unwrap();
     fs::write(dir.join("bare.csv"), text.replace("cmd_q1", "target")).unwrap();
     fs::write(dir.join("typo.yaml"), "q1: {kp: 40, kt: 2}\n").unwrap();
@@ -301,7 +301,7 @@ fn missing_and_wrong_inputs_of_simulated_fits_are_reported_with_the_remedy() {
         (
             format!("{response} --controller other.yaml"),
             3,
-            "other.yaml: q2: this is not an actuated",
+            "q2: this is not an actuated",
         ),
         (
             format!("{response} --controller gains.yaml --window 0"),
@@ -379,8 +379,8 @@ bodies:
 ";
 
 /// Writes the log of a cart of 10 kg with 15 N s/m and 6 N of friction, whose controller, at rows of 2 ms, has
-/// an inner loop of the velocity as it was `late` rows before: kp e + ki integral(e) - kd v.
-fn write_cart(dir: &Path, name: &str, [kp, ki, kd]: [f64; 3], late: usize) {
+/// an inner loop of the velocity as it was `late` rows before: kp e + ki integral(e) - kd v - kv (x - x(0)).
+fn write_cart(dir: &Path, name: &str, [kp, ki, kd, kv]: [f64; 4], late: usize) {
     let (step, parts) = (2e-3, 20);
     let (mut x, mut v, mut sum) = (0.0, 0.0, 0.0);
     let mut velocities = vec![0.0; late + 1];
@@ -392,7 +392,7 @@ fn write_cart(dir: &Path, name: &str, [kp, ki, kd]: [f64; 3], late: usize) {
         let error = goal - x;
         velocities.insert(0, v);
         sum += error * step;
-        let effort = kp * error + ki * sum - kd * velocities[late];
+        let effort = kp * error + ki * sum - kd * velocities[late] - kv * x;
         rows += &format!("{t},{x},{goal},{}\n", f64::midpoint(held, effort));
         held = effort;
         for _ in 0..parts {
@@ -433,7 +433,7 @@ fn logged_efforts_that_contradict_a_response_are_told_with_the_latency_that_was_
     };
     let mass = |found: &Value| of(found, "m(car)")["value"].as_f64().unwrap();
 
-    write_cart(&dir, "now.csv", [20000.0, 0.0, 500.0], 0);
+    write_cart(&dir, "now.csv", [20000.0, 0.0, 500.0, 0.0], 0);
     let right = fit("now.csv", "gains.yaml", "response");
     assert!(!right.err.contains("contradict"), "{}", right.err);
     let efforts = &right.json()["simulated"]["response"]["efforts"];
@@ -443,7 +443,7 @@ fn logged_efforts_that_contradict_a_response_are_told_with_the_latency_that_was_
     );
     assert!((mass(&right.json()) - 10.0).abs() < 0.1);
 
-    write_cart(&dir, "late.csv", [20000.0, 0.0, 500.0], 1);
+    write_cart(&dir, "late.csv", [20000.0, 0.0, 500.0, 0.0], 1);
     let wrong = fit("late.csv", "gains.yaml", "response");
     assert!((mass(&wrong.json()) - 10.0).abs() > 0.5, "{}", wrong.out);
     assert!(
@@ -477,30 +477,39 @@ fn logged_efforts_that_contradict_a_response_are_told_with_the_latency_that_was_
 }
 
 #[test]
-fn didim_follows_the_commands_of_cascades_with_and_without_an_integral() {
+fn cascades_with_and_without_integrals_are_simulated_by_didim_and_response_alike() {
     let dir = scratch("simulated_cascades");
     fs::write(dir.join("cart.yaml"), CART).unwrap();
-    for (ki, late) in [(0.0, 0), (60000.0, 0), (0.0, 1)] {
-        write_cart(&dir, "run.csv", [20000.0, ki, 500.0], late);
+    // P and P, with the velocity of the row before too; with an integral of the position; P and PI
+    for (ki, kv, late) in [
+        (0.0, 0.0, 0),
+        (0.0, 0.0, 1),
+        (60000.0, 0.0, 0),
+        (120_000.0, 3000.0, 0),
+    ] {
+        write_cart(&dir, "run.csv", [20000.0, ki, 500.0, kv], late);
         let gains = format!(
-            "x: {{kp: 20000, ki: {ki}, kd: 500, damping: velocity}}\nvelocity_latency: {late}\n"
+            "x: {{kp: 20000, ki: {ki}, kd: 500, ki_velocity: {kv}, damping: velocity}}\nvelocity_latency: {late}\n"
         );
         fs::write(dir.join("gains.yaml"), gains).unwrap();
-        let found = run(
-            &dir,
-            "identify cart.yaml run.csv --command x=goal --format json --estimator didim --controller gains.yaml",
-        )
-        .ended(0);
-        assert!(!found.err.contains("differs"), "{ki} {late}: {}", found.err);
-        let found = found.json();
-        for (label, truth) in [("m(car)", 10.0), ("Fv(x)", 15.0), ("Fc(x)", 6.0)] {
-            let rows = found["parameters"].as_array().unwrap();
-            let row = rows.iter().find(|row| row["label"] == label).unwrap();
-            let value = row["value"].as_f64().unwrap();
-            assert!(
-                (value / truth - 1.0).abs() < 0.03,
-                "{ki} {late} {label}: {row}"
-            );
+        for estimator in ["didim", "response"] {
+            let words =
+                "identify cart.yaml run.csv --command x=goal --format json --controller gains.yaml";
+            let found = run(&dir, &format!("{words} --estimator {estimator}")).ended(0);
+            let has_warned = ["differs", "contradict"]
+                .iter()
+                .any(|word| found.err.contains(word));
+            assert!(!has_warned, "{estimator} {ki} {kv} {late}: {}", found.err);
+            let found = found.json();
+            for (label, truth) in [("m(car)", 10.0), ("Fv(x)", 15.0), ("Fc(x)", 6.0)] {
+                let rows = found["parameters"].as_array().unwrap();
+                let row = rows.iter().find(|row| row["label"] == label).unwrap();
+                let value = row["value"].as_f64().unwrap();
+                assert!(
+                    (value / truth - 1.0).abs() < 0.03,
+                    "{estimator} {ki} {kv} {late} {label}: {row}"
+                );
+            }
         }
     }
     // much faster than the log

@@ -54,6 +54,8 @@ pub(crate) struct Controller {
     command: Sensitive,
     command_rate: f64,
     pub(crate) effort: Sensitive,
+    /// The position at the first sample.
+    origin: Option<Sensitive>,
     /// Efforts that are computed and do not act yet.
     waiting: VecDeque<Sensitive>,
     /// The velocities of the last samples, the last one first.
@@ -79,6 +81,7 @@ impl Controller {
             command: zero.clone(),
             command_rate: 0.0,
             effort: zero,
+            origin: None,
             waiting: VecDeque::new(),
             velocities: VecDeque::new(),
         }
@@ -95,6 +98,8 @@ impl Controller {
         step: f64,
         [position, velocity]: [&Sensitive; 2],
     ) {
+        self.origin.get_or_insert_with(|| position.clone());
+        let held_back = self.held_back(position);
         let mut error = command.clone();
         error.add(position, -1.0);
         self.command_rate = before.map_or(0.0, |b| (command.value - b.value) / step);
@@ -121,14 +126,16 @@ impl Controller {
         }
         let mut grown = self.integral.clone();
         grown.add(&error, step);
-        let effort = self.combined(&error, &grown, &rate);
+        let mut effort = self.combined(&error, &grown, &rate);
+        effort.add(&held_back, -1.0);
         let computed = match self.law.limit {
             Some([lo, hi]) if effort.value > hi || effort.value < lo => {
                 // an integral does not wind up while the drive is saturated in its direction
                 let bound = if effort.value > hi { hi } else { lo };
                 let winds = (effort.value > hi) == (error.value > 0.0);
                 if winds {
-                    let held = self.combined(&error, &self.integral, &rate);
+                    let mut held = self.combined(&error, &self.integral, &rate);
+                    held.add(&held_back, -1.0);
                     clamped(held, [lo, hi])
                 } else {
                     self.integral = grown;
@@ -183,7 +190,8 @@ impl Controller {
             let mut earlier = error.clone();
             earlier.add(velocity, before);
             earlier.value -= before * self.command_rate;
-            let effort = self.combined(&earlier, &self.integral, &rate);
+            let mut effort = self.combined(&earlier, &self.integral, &rate);
+            effort.add(velocity, self.law.ki_velocity * before);
             let held = self.law.limit.map(|limit| clamped(effort.clone(), limit));
             self.waiting.push_back(held.unwrap_or(effort));
         }
@@ -215,11 +223,23 @@ impl Controller {
         if self.law.damping == Damping::OfError {
             rate.value += self.command_rate;
         }
-        let effort = self.combined(&error, &self.integral, &rate);
+        let mut effort = self.combined(&error, &self.integral, &rate);
+        effort.add(&self.held_back(&position), -1.0);
         match self.law.limit {
             Some(limit) => clamped(effort, limit),
             None => effort,
         }
+    }
+
+    /// The effort of the integral of the velocity: the distance from the position of the first sample times
+    /// its gain.
+    fn held_back(&self, position: &Sensitive) -> Sensitive {
+        let mut out = Sensitive::constant(0.0, position.rates.len());
+        if let (true, Some(origin)) = (self.law.ki_velocity != 0.0, &self.origin) {
+            out.add(position, self.law.ki_velocity);
+            out.add(origin, -self.law.ki_velocity);
+        }
+        out
     }
 
     fn combined(&self, error: &Sensitive, integral: &Sensitive, rate: &Sensitive) -> Sensitive {
@@ -237,7 +257,10 @@ impl Controller {
         if action == Action::Sampled {
             return [0.0; 2];
         }
-        [self.gains[0].value.abs(), self.gains[2].value.abs()]
+        [
+            self.gains[0].value.abs() + self.law.ki_velocity.abs(),
+            self.gains[2].value.abs(),
+        ]
     }
 }
 

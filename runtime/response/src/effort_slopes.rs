@@ -233,6 +233,7 @@ fn controllers<M: ?Sized, D: ?Sized>(
                 ki: Value::known(pid.ki),
                 offset: Value::known(offset),
                 limit: drive.limit,
+                ki_velocity: pid.ki_velocity,
                 damping: pid.damping,
                 late: pid.late,
                 velocity_late: pid.velocity_late,

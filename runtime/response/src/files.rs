@@ -35,7 +35,15 @@ fn mistake<T>(place: &str, why: impl Into<String>) -> Result<T, ControllerError>
 }
 
 /// The keys of a controller.
-const KEYS: [&str; 6] = ["kp", "ki", "kd", "offset", "limit", "damping"];
+const KEYS: [&str; 7] = [
+    "kp",
+    "ki",
+    "kd",
+    "ki_velocity",
+    "offset",
+    "limit",
+    "damping",
+];
 /// The keys beside the joints' names.
 const TOP: [&str; 4] = ["action", "latency", "velocity_latency", "signals"];
 
@@ -45,7 +53,7 @@ const MAX_LATENCY: usize = 20;
 /// Reads controllers, and the models of signals that are not logged as they are.
 ///
 /// A controller for each actuated joint by name, with the keys `kp`, `ki`, `kd`, `offset` (SI),
-/// `limit` (least and greatest effort) and `damping` (`error` or `velocity`); `action` is `sampled`
+/// `ki_velocity`, `limit` (least and greatest effort) and `damping` (`error` or `velocity`); `action` is `sampled`
 /// or `continuous`; `latency` is the number of rows until an effort acts that is
 /// computed at a row, and `velocity_latency` that by which the velocity is late that `damping: velocity`
 /// multiplies, half a row where it is a difference of two rows; `signals` has `delay`, `gain` and `bias` of signals by name: a coordinate's
@@ -181,6 +189,10 @@ fn law(value: &Json, joint: &str) -> Result<Law, ControllerError> {
             "kp" => law.kp = number(value, &place)?,
             "ki" => law.ki = number(value, &place)?,
             "kd" => law.kd = number(value, &place)?,
+            "ki_velocity" => match value.as_f64().filter(|gain| gain.is_finite()) {
+                Some(gain) => law.ki_velocity = gain,
+                None => return mistake(&place, "a number is needed, which is not estimated"),
+            },
             "offset" => law.offset = number(value, &place)?,
             "limit" => {
                 let ends = value

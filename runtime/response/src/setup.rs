@@ -64,6 +64,9 @@ pub struct Law {
     pub kd: Value,
     /// A constant effort, N m or N.
     pub offset: Value,
+    /// The gain of the integral of the velocity from the first sample on, which acts against it, N m/rad or
+    /// N/m: of cascades whose inner loop of velocity integrates.
+    pub ki_velocity: f64,
     /// What the derivative gain multiplies.
     pub damping: Damping,
     /// The least and the greatest effort, N m or N; `None` without limits.
@@ -95,6 +98,7 @@ impl Law {
             ki: Value::known(0.0),
             kd: Value::known(kd),
             offset: Value::known(0.0),
+            ki_velocity: 0.0,
             damping: Damping::OfError,
             limit: None,
             late: 0,

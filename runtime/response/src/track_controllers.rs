@@ -51,6 +51,7 @@ impl<'a> TrackControllers<'a> {
                 kp: law.kp.value,
                 ki: law.ki.value,
                 kd: law.kd.value,
+                ki_velocity: law.ki_velocity,
                 damping: law.damping,
                 late: law.late,
                 velocity_late: law.velocity_late,

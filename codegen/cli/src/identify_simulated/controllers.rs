@@ -3,7 +3,7 @@
 use regen_experiment::simulate::Gains;
 use regen_identify::data::Run as LogRun;
 use regen_interpreted::Interpreted;
-use regen_response::{Law, Setup, controllers};
+use regen_response::{Damping, Law, Setup, controllers};
 use regen_runtime::Info;
 
 use crate::args::IdentifyArgs;
@@ -77,6 +77,10 @@ pub(crate) fn stated_gains(args: &IdentifyArgs, info: &Info<'_>) -> Option<Vec<G
     let is_known = laws
         .iter()
         .all(|law| !law.gains().iter().any(|g| g.is_estimated()));
+    // instruments follow controllers of the error only; others are tuned
+    let is_plain =
+        |law: &Law| law.damping == Damping::OfError && law.late == 0 && law.ki_velocity == 0.0;
+    let is_known = is_known && laws.iter().all(is_plain);
     let named = info.actuated.iter().zip(laws).map(|(joint, law)| Gains {
         name: info.coordinates.get(*joint).map(|name| (*name).to_owned()),
         values: [law.kp.value, law.ki.value, law.kd.value],

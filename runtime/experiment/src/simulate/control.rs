@@ -25,6 +25,9 @@ pub struct Pid {
     pub ki: f64,
     /// The derivative gain, N s/m or N m s/rad.
     pub kd: f64,
+    /// The gain of the integral of the velocity, which acts against it, N/m or N m/rad: of cascades whose
+    /// inner loop of velocity integrates.
+    pub ki_velocity: f64,
     /// What the derivative gain multiplies.
     pub damping: Damping,
     /// The number of samples from a measurement until the effort that is computed from it acts.
@@ -124,7 +127,8 @@ impl Controller for PidControllers<'_> {
             let drive = self.drives.get(k).copied().unwrap_or_default();
             // the limits of the effort that the PID controller adds to the offset
             let limit = drive.limit.map(|l| l.map(|bound| bound - offset));
-            let effort = offset + pid.command(state, [error, velocity], now.period, limit);
+            let effort =
+                offset + pid.command(state, [error, velocity, now.measured[k]], now.period, limit);
             let is_lost = error.abs() > LOST_DISTANCE;
             efforts[k] = if is_lost { f64::NAN } else { effort };
         }
@@ -137,6 +141,8 @@ impl Controller for PidControllers<'_> {
 pub(super) struct PidState {
     integral: f64,
     last: Option<f64>,
+    /// The position at the first sample.
+    origin: Option<f64>,
     waiting: VecDeque<f64>,
     velocities: LateVelocity,
 }
@@ -174,10 +180,11 @@ impl Pid {
     pub(super) fn command(
         self,
         state: &mut PidState,
-        [error, velocity]: [f64; 2],
+        [error, velocity, position]: [f64; 3],
         period: f64,
         limit: Option<[f64; 2]>,
     ) -> f64 {
+        let moved = position - *state.origin.get_or_insert(position);
         if state.last.is_none() {
             for k in (1..=self.late).rev() {
                 let earlier = error + k as f64 * period * velocity;
@@ -185,12 +192,13 @@ impl Pid {
                     Damping::OfError => 0.0,
                     Damping::OfVelocity => self.kd * velocity,
                 };
-                let effort = self.kp * earlier - damped;
+                let back = k as f64 * period * velocity;
+                let effort = self.kp * earlier - damped + self.ki_velocity * back;
                 let held = limit.map_or(effort, |[lo, hi]| effort.max(lo).min(hi));
                 state.waiting.push_back(held);
             }
         }
-        let effort = self.computed(state, [error, velocity], period, limit);
+        let effort = self.computed(state, [error, velocity, moved], period, limit);
         state.waiting.push_back(effort);
         state.waiting.pop_front().unwrap_or(effort)
     }
@@ -199,7 +207,7 @@ impl Pid {
     fn computed(
         self,
         state: &mut PidState,
-        [error, velocity]: [f64; 2],
+        [error, velocity, moved]: [f64; 3],
         period: f64,
         limit: Option<[f64; 2]>,
     ) -> f64 {
@@ -209,7 +217,9 @@ impl Pid {
         };
         state.last = Some(error);
         let grown = state.integral + error * period;
-        let effort_with = |integral: f64| self.kp * error + self.ki * integral + self.kd * rate;
+        let held = self.ki_velocity * moved;
+        let effort_with =
+            |integral: f64| self.kp * error + self.ki * integral + self.kd * rate - held;
         let Some([lo, hi]) = limit else {
             state.integral = grown;
             return effort_with(grown);
@@ -237,10 +247,10 @@ mod tests {
         let limit = Some([-1.0, 1.0]);
         let mut state = PidState::default();
         for _ in 0..1000 {
-            let effort = pid.command(&mut state, [1.0, 0.0], 0.01, limit);
+            let effort = pid.command(&mut state, [1.0, 0.0, 0.0], 0.01, limit);
             assert!((effort - 1.0).abs() < 1e-15);
         }
         // without an error there is almost no effort: the integral did not grow
-        assert!(pid.command(&mut state, [0.0; 2], 0.01, limit).abs() < 0.1);
+        assert!(pid.command(&mut state, [0.0; 3], 0.01, limit).abs() < 0.1);
     }
 }

@@ -70,6 +70,12 @@ pub(super) static CONTROLLER: Record = record(
             VALUE,
             "Derivative gain, N m s/rad or N s/m; 0 if missing",
         ),
+        optional(
+            "ki_velocity",
+            Shape::Number(Range::Any),
+            "Gain of the integral of the velocity, with a negative sign, N m/rad or N/m, of cascades whose \
+             inner loop integrates; 0 if missing",
+        ),
         optional("offset", VALUE, "Constant effort, N m or N; 0 if missing"),
         optional(
             "limit",
