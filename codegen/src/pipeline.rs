@@ -202,6 +202,29 @@ impl Mechanism {
         })
     }
 
+    /// The mechanism with more base parameters left out of its model, as `base: drop` of the spec does, by
+    /// their labels; its results are not stored.
+    #[must_use]
+    pub fn with_dropped(&self, labels: &[String]) -> Self {
+        let mut spec = self.spec.clone();
+        let span = spec.name.span;
+        let more = labels.iter().cloned();
+        spec.base
+            .drop
+            .extend(more.map(|value| spec::Spanned { value, span }));
+        Self {
+            source: self.source.clone(),
+            model: model::build(&spec),
+            spec,
+            payloads: self.payloads,
+            // results are stored by the text of the spec
+            store: None,
+            closed: OnceCell::new(),
+            analysis: OnceCell::new(),
+            at_home: OnceCell::new(),
+        }
+    }
+
     /// The acceleration of gravity, m/s^2.
     pub fn gravity(&self) -> [f64; 3] {
         self.model.gravity.each_ref().map(|g| g.value.to_f64())

@@ -210,6 +210,10 @@ pub struct LoopClosure<'m, M: ?Sized> {
     starts: Option<(Point, Point)>,
     /// The largest number of continuation steps to a state.
     max_steps: usize,
+    /// The number of continuation steps of all solves.
+    taken: usize,
+    /// The number of solves that ended because they would have taken more steps.
+    given_up: usize,
 }
 
 /// The state at which a line in the independent coordinates starts.
@@ -262,6 +266,8 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
             home,
             starts,
             max_steps: path::MAX_STEPS,
+            taken: 0,
+            given_up: 0,
         })
     }
 
@@ -269,6 +275,17 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     /// [`Outcome::NotClosed`]. A path of thousands of rad is followed without a limit.
     pub fn limit_steps(&mut self, steps: usize) {
         self.max_steps = steps.min(path::MAX_STEPS);
+    }
+
+    /// The number of continuation steps of all solves so far, refused ones included.
+    pub fn steps_taken(&self) -> usize {
+        self.taken
+    }
+
+    /// The number of solves so far that ended because they would have taken more steps than
+    /// [`limit_steps`](Self::limit_steps) allows.
+    pub fn given_up(&self) -> usize {
+        self.given_up
     }
 
     /// The unit of length, m, in which residuals and steps are measured: 256^k m with an integer k,
@@ -405,6 +422,8 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
             .to_scaled_of(&self.newton.independent, q_i);
         let (mut point, mut outcome, steps) =
             path::follow(&mut self.newton, start, &scaled, self.max_steps)?;
+        self.taken += steps.taken;
+        self.given_up += usize::from(steps.cut);
         let polished_residual = self.newton.polish(&mut point.q)?;
         let closes = polished_residual <= self.newton.tolerance(&point.q)?;
         let q = self.newton.model.to_model_units(&point.q);
@@ -417,7 +436,7 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
             residual,
             condition: point.condition,
             outcome,
-            steps,
+            steps: steps.taken,
         };
         Ok((solution, outcome.is_closed().then_some(point)))
     }

@@ -28,15 +28,16 @@ pub(crate) fn open(reading: &ReadingArgs, loss: bool) -> OpenChoices {
     OpenChoices {
         delays: reading.delay.is_empty() && observe::settings(reading).delays.is_empty(),
         loss,
+        series: true,
     }
 }
 
-/// Chooses from the logs how they are read where no filter is given, and sets the options that pin it;
-/// returns the choice.
+/// Chooses from the logs how they are read where no filter is given, sets the options that pin it, and cuts the
+/// logs to what is read of them; returns the choice.
 pub(crate) fn made(
     reading: &mut ReadingArgs,
     session: &Session<'_, Interpreted<'_>>,
-    logs: &[Run],
+    logs: &mut Vec<Run>,
     open: OpenChoices,
 ) -> Result<Option<Choice>, Failure> {
     if !is_open(reading) || logs.is_empty() {
@@ -45,6 +46,7 @@ pub(crate) fn made(
     let choice = chosen(session, logs, open)?;
     if let Some(choice) = &choice {
         pin(choice, reading);
+        *logs = choice.runs(logs);
     }
     Ok(choice)
 }
@@ -55,14 +57,13 @@ pub(crate) fn repeat_or_make(
     reading: &mut ReadingArgs,
     model: &Interpreted<'_>,
     found: &IdentifiedModel,
-    logs: &[Run],
+    logs: &mut Vec<Run>,
 ) -> Result<Option<Choice>, Failure> {
     let Some(choice) = &found.provenance.filter else {
         let session = observe::session(model, reading).in_amperes();
-        let open = if found.gains.is_empty() {
-            open(reading, false)
-        } else {
-            OpenChoices::default()
+        let open = OpenChoices {
+            delays: found.gains.is_empty() && open(reading, false).delays,
+            ..OpenChoices::default()
         };
         return made(reading, &session, logs, open);
     };
@@ -96,7 +97,13 @@ pub(crate) fn made_without_loads(
     let session = identify::session(&args.clone(), &model).in_amperes();
     // efforts in A do not share parameters as the equations do, so that delays and outliers would be those
     // of a model that does not hold
-    made(&mut args.reading, &session, &runs, OpenChoices::default())
+    // (nor do runs with a payload repeat the motion of those without)
+    made(
+        &mut args.reading,
+        &session,
+        &mut runs,
+        OpenChoices::default(),
+    )
 }
 
 /// Sets the options of reading that pin a choice; a decimation, an even grid or delays that are given stay.

@@ -1,9 +1,10 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
-use regen_identify::data::DataError;
+use regen_codegen::robot::Robot;
+use regen_identify::data::{Assignment, DataError, ValuesFrom};
 use regen_identify::estimate::{EffortError, EstimateError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
-use regen_identify::identify::{EquationKind, Options, digest};
+use regen_identify::identify::{self, EquationKind, Options, digest};
 use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
 use regen_identify::session::{
     self, Choice, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
@@ -15,7 +16,7 @@ use regen_report::results::{
 };
 use regen_runtime::Friction;
 
-use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, WeightingArg};
+use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, ReadingArgs, WeightingArg};
 use crate::exit::Failure;
 use crate::{
     choice, delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe,
@@ -81,6 +82,21 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     } else {
         load::loaded_with_base(&source, args.reading.payload)?
     };
+    if observe::settings(&args.reading).poses && args.physical.wanted() {
+        let text = "poses at rest show first moments only, and physical parameters need inertias too: \
+                    leave out --feasible and --friction";
+        return Err(Failure::Input(text.to_owned()));
+    }
+    let unseen = if has_loads {
+        Vec::new()
+    } else {
+        unseen(args, &robot)
+    };
+    let robot = if unseen.is_empty() {
+        robot
+    } else {
+        load::loaded_without(&source, args.reading.payload, &unseen)?
+    };
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
@@ -99,7 +115,11 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     } else {
         let session = session(&args, &model);
         let open = choice::open(&args.reading, is_loss_open(&args));
-        choice::made(&mut args.reading, &session, &args.logs, open)?
+        let made = choice::made(&mut args.reading, &session, &mut args.logs, open);
+        if made.is_err() && suspect::warn_without_choice(&args, &model).is_empty() {
+            suspect::warn_of_contradictions(&args, &model);
+        }
+        made?
     };
     args.huber = args.huber.or(filter.as_ref().and_then(Choice::huber));
     let args = &args;
@@ -129,6 +149,22 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         let tried = on_time.map(|other| delay::tried(&other, &model));
         let tried = tried.and_then(|found| found.ok().flatten());
         json.summary.relative_absolute_without_delays = tried;
+    }
+    // a filter that is chosen for a wrong model may leave too much noise to see what is wrong
+    let is_poor = (json.summary.efforts.iter()).any(|effort| {
+        effort
+            .error
+            .as_ref()
+            .is_some_and(|error| !error.is_explained())
+    });
+    let is_open = json
+        .summary
+        .suspicions
+        .iter()
+        .all(|doubt| doubt.found.changed.is_none());
+    if filter.is_some() && is_poor && is_open {
+        let more = suspect::warn_without_choice(args, &model);
+        json.summary.suspicions.extend(more);
     }
     json.file.filter.clone_from(&filter);
     identified.provenance.filter = filter;
@@ -343,8 +379,12 @@ fn models(
         let lags = Options::default().lags;
         let errors = session::residuals_of(session, start, &args.logs, &last, lags)?;
         summary.relative_absolute = Some(errors.relative_absolute());
-        for (effort, error) in summary.efforts.iter_mut().zip(errors.efforts()) {
-            effort.error = Some(error);
+        for error in errors.efforts() {
+            let mut efforts = summary.efforts.iter_mut();
+            // those that are not measured are not in the summary
+            if let Some(effort) = efforts.find(|own| own.name == error.name) {
+                effort.error = Some(error);
+            }
         }
     }
     Ok((last, more))
@@ -387,6 +427,51 @@ fn factors(
     Ok((start, summary))
 }
 
+/// The base parameters that act in no equation of the logs, because of what the user says that was not
+/// measured or does not move; says how the spec leaves them out too. Empty where nothing is said, or where
+/// the logs cannot be read, which is told later.
+fn unseen(args: &IdentifyArgs, robot: &Robot) -> Vec<String> {
+    let settings = observe::settings(&args.reading);
+    let stated = |own: &Assignment| own.from != ValuesFrom::Column;
+    let stated = settings.poses || settings.columns.iter().any(stated);
+    if args.logs.is_empty() || !stated {
+        return Vec::new();
+    }
+    let terms = BaseTerms::new(robot);
+    let model = Interpreted::with_terms(robot, &terms);
+    let reading = ReadingArgs {
+        // how efforts are shifted changes no column of the regressor
+        delay: Vec::new(),
+        ..args.reading.clone()
+    };
+    let opened = observe::open(&model, &args.logs, &reading);
+    let found = opened.ok().and_then(|mut logs| {
+        let found = identify::unseen(&model, &mut logs).ok()?;
+        let base = model.base_info().base;
+        let labels = found.into_iter().filter_map(|k| base.get(k));
+        let labels: Vec<String> = labels.map(|own| own.label.to_owned()).collect();
+        // with nothing left the logs are wrong
+        (labels.len() < base.len()).then_some(labels)
+    });
+    let labels = found.unwrap_or_default();
+    if !labels.is_empty() {
+        let quoted: Vec<String> = labels.iter().map(|label| format!("\"{label}\"")).collect();
+        terminal::note(&format!(
+            "note: these parameters act in no equation of the logs and are left out: {}. For `regen validate`, give \
+             the spec `base: {{drop: [{}]}}`",
+            labels.join(", "),
+            quoted.join(", ")
+        ));
+        if args.physical.wanted() {
+            terminal::note(
+                "warning: physical models take the parameters that are left out as 0, so that bodies that \
+                 have only some of theirs are wrong",
+            );
+        }
+    }
+    labels
+}
+
 /// Least squares from logs; warns of columns that look wrong.
 fn logs(
     args: &IdentifyArgs,
@@ -406,17 +491,19 @@ fn logs(
             error,
             SessionError::Data(DataError::Estimate(EstimateError::NoConvergence))
         );
-        if unusable || is_unsolved {
-            suspect::warn(args, model, logs.logs(), None);
-        } else {
-            observe::note_problems(logs.logs().reports());
-        }
         let is_undetermined = matches!(
             error,
             SessionError::Data(DataError::Estimate(
                 EstimateError::Undetermined { .. } | EstimateError::TooShort { .. }
             ))
         );
+        if !(unusable || is_unsolved) {
+            observe::note_problems(logs.logs().reports());
+        }
+        // so may loops that leave too few states, where their rows are left out
+        if unusable || is_unsolved || is_undetermined {
+            suspect::warn(args, model, logs.logs(), None);
+        }
         let failure = Failure::from(error);
         if is_undetermined {
             observe::with_still(failure, logs.logs().reports())
@@ -440,7 +527,18 @@ fn logs(
     for text in noisy.iter().chain(&few).chain(&short) {
         terminal::note(text);
     }
-    note_unexplained(model, &start.errors);
+    let mut errors = start.measured_errors();
+    if session.reading.poses {
+        // no weight acts along some axes, whose efforts are noise then
+        let acts = |name: &str| {
+            let efforts = start.estimate.efforts.iter().zip(&start.contained);
+            efforts
+                .filter(|(own, _)| own.name == name)
+                .all(|(_, n)| *n > 0)
+        };
+        errors.retain(|error| acts(&error.name));
+    }
+    note_unexplained(model, &errors);
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::settings(&args.reading).delays;
     summary.suspicions = suspect::warn(

@@ -370,7 +370,7 @@ fn predicted(
         return Ok(Err(why.clone()));
     }
     let runs = chosen.runs.iter().filter_map(|k| args.logs.get(*k));
-    let runs: Vec<Run> = runs.cloned().collect();
+    let mut runs: Vec<Run> = runs.cloned().collect();
     let mut session = observe::session(model, &args.reading);
     let (settings, has_placeholders) =
         reading(&args.reading, logs, robot, &model.info(), &args.logs)?;
@@ -397,6 +397,7 @@ fn predicted(
         let fitted: Vec<Run> = fitted.filter_map(|k| args.logs.get(*k)).cloned().collect();
         if let Ok(Some(choice)) = filter_of(&session, &fitted, choice::open(&args.reading, true)) {
             session.reading = choice.applied(&session.reading);
+            runs = choice.runs(&runs);
             *filter = Some(choice.clone());
             for k in &chosen.runs {
                 if let Some(log) = logs.get_mut(*k) {

@@ -217,6 +217,15 @@ pub(crate) fn loaded_with_base(
     whole(&loaded(source, payload)?, source)
 }
 
+/// As [`loaded_with_base`], without some base parameters.
+pub(crate) fn loaded_without(
+    source: &Source,
+    payload: Option<PayloadArg>,
+    labels: &[String],
+) -> Result<Robot, Failure> {
+    whole(&loaded(source, payload)?.with_dropped(labels), source)
+}
+
 /// As [`with_base`], without its payloads.
 pub(crate) fn unloaded_with_base(source: &Source) -> Result<Robot, Failure> {
     whole(&mechanism(source)?.with_payloads(Payloads::Absent), source)

@@ -7,7 +7,7 @@ use regen_identify::data::{
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::suspect::Spikes;
 use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
-use regen_identify::session::{MonitoredLogs, Session, SessionError};
+use regen_identify::session::{MonitoredLogs, Session, SessionError, from_logs};
 use regen_identify::signals::{Method, SignalError};
 use regen_identify::text::figure_of;
 use regen_report::results::{LogFile, Observed, observed_text};
@@ -33,13 +33,18 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let filter = {
         let session = session(&model, &args.reading);
         let open = choice::open(&args.reading, false);
-        choice::made(&mut args.reading, &session, &args.logs, open)?
+        choice::made(&mut args.reading, &session, &mut args.logs, open)?
     };
     let (reading, corrected_delays) =
         delay::found_for(&args.reading, &session(&model, &args.reading), &args.logs)?;
     args.reading = reading;
     let mut logs = open(&model, &args.logs, &args.reading)?;
     let (set, left_out) = observe(&model, kind(&args.reading), &mut logs)?;
+    // what the order of the rows and the motion tell of the errors is not in the factors
+    let session = session(&model, &args.reading);
+    let errors = from_logs(&session, &mut session.open(&args.logs)?);
+    let errors = errors.ok().and_then(|start| start.log_errors());
+    let set = set.with_errors(errors)?;
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
     let files = logs.logs().reports().iter().map(LogFile::new).collect();
@@ -139,11 +144,13 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     if let Some(velocities) = reading.velocities {
         settings.measured_rates = Some(velocities == VelocitiesArg::Measured);
     }
+    settings.poses |= reading.poses;
     settings.is_method_given |= reading.no_filter
+        || settings.poses
         || reading.fourier.is_some()
         || reading.butterworth.is_some()
         || reading.local.is_some();
-    if reading.no_filter {
+    if reading.no_filter || reading.poses {
         settings.method = Method::Central;
     } else if let Some((frequency, harmonics)) = reading.fourier {
         settings.method = Method::Fourier {
@@ -430,13 +437,17 @@ impl From<DataError> for Failure {
                 why,
                 assignment,
             } => {
-                let quote = if assignment.contains('*') { "'" } else { "" };
+                let options = assignment.lines().map(|assignment| {
+                    let quote = if assignment.contains('*') { "'" } else { "" };
+                    format!("--column {quote}{assignment}{quote}")
+                });
+                let options = options.collect::<Vec<_>>().join(" ");
                 let rate = if assignment.starts_with("t=") {
                     ", or give the rate of the rows with --rate HZ"
                 } else {
                     ""
                 };
-                let text = format!("{file}: {why} --column {quote}{assignment}{quote}{rate}");
+                let text = format!("{file}: {why} {options}{rate}");
                 Self::Input(text)
             }
             DataError::Part { key, .. } => Self::Input(format!(

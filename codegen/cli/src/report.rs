@@ -74,7 +74,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     // `read` checks that the file belongs to this model, by its digest
     let identified = parameters::read(&args.params, &model)?;
     loads::require_gains(&args.reading, &identified, &args.params)?;
-    choice::repeat_or_make(&mut args.reading, &model, &identified, &args.logs)?;
+    choice::repeat_or_make(&mut args.reading, &model, &identified, &mut args.logs)?;
     let value = parameters::value(&args.params)?;
     let file: ParameterFile = serde_json::from_value(value).map_err(|why| {
         Failure::Input(format!(

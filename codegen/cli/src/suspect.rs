@@ -16,6 +16,10 @@ pub(crate) use gravity::OtherSpecs;
 use crate::args::IdentifyArgs;
 use crate::{observe, progress, terminal};
 
+/// The cutoff, in the rate of the rows, and the order of the filter where none could be chosen.
+const LOW_CUTOFF: f64 = 0.05;
+const FILTER_ORDER: usize = 4;
+
 /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
 fn with_options(found: suspect::Suspicion) -> Suspected {
     let remedy = match &found.remedy {
@@ -37,6 +41,9 @@ fn with_options(found: suspect::Suspicion) -> Suspected {
                            or parts of the log are not periodic: give --fourier the motion's \
                            frequency, or use --butterworth"
             .to_owned(),
+        Remedy::Bounded => {
+            "Give --huber 1.345, which bounds their weight, or leave these rows out".to_owned()
+        }
         _ => "The cause may be the sign or the delay of an effort, an offset, or a motion that \
               does not determine it separately; --feasible keeps it at 0 or above"
             .to_owned(),
@@ -68,11 +75,50 @@ pub(crate) fn warn(
     }
     let given = observe::settings(&args.reading).columns;
     let spec = OtherSpecs::new(&args.file, args.reading.payload);
-    let out = doubts(model, logs, &given, found, &spec);
+    let mut out = doubts(model, logs, &given, found, &spec);
+    out.retain(|doubt| args.huber.is_none() || doubt.found.remedy != Remedy::Bounded);
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }
     out
+}
+
+/// Prints which position contradicts the others in each log, where no filter could be chosen for them.
+pub(crate) fn warn_of_contradictions(args: &IdentifyArgs, model: &Interpreted<'_>) {
+    let opened = observe::open(model, &args.logs, &args.reading);
+    let Some(logs) = opened.ok().filter(|_| !args.no_suspicion) else {
+        return;
+    };
+    let given = observe::settings(&args.reading).columns;
+    for (k, report) in logs.logs().reports().iter().enumerate() {
+        let columns = LogColumns {
+            file: &report.file,
+            given: &given,
+            model,
+        };
+        let sample = logs.logs().sample(k).ok();
+        if let Some(found) = sample.and_then(|own| suspect::contradiction(&columns, &own)) {
+            terminal::note(&format!("warning: {}", with_options(found)));
+        }
+    }
+}
+
+/// Prints what looks wrong with logs for which no filter could be chosen, behind a low one, as columns of
+/// wrong signs or units may be why.
+pub(crate) fn warn_without_choice(args: &IdentifyArgs, model: &Interpreted<'_>) -> Vec<Suspected> {
+    let mut args = args.clone();
+    let opened = observe::open(model, &args.logs, &args.reading).ok();
+    let step = opened.and_then(|opened| Some(opened.logs().sample(0).ok()?.step));
+    let Some(step) = step.filter(|step| *step > 0.0) else {
+        return Vec::new();
+    };
+    args.reading.fourier = None;
+    args.reading.butterworth = Some((LOW_CUTOFF / step, FILTER_ORDER));
+    let opened = observe::open(model, &args.logs, &args.reading);
+    opened.map_or_else(
+        |_| Vec::new(),
+        |opened| warn(&args, model, opened.logs(), None),
+    )
 }
 
 /// The suspected mistakes in logs. Without an estimate they are found from the weights and inertias

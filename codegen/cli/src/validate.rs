@@ -80,7 +80,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
     let first = parameters::read(&args.params, &model)?;
-    let filter = choice::repeat_or_make(&mut args.reading, &model, &first, &args.logs)?;
+    let filter = choice::repeat_or_make(&mut args.reading, &model, &first, &mut args.logs)?;
     let (reading, corrected_delays) = delay::of_named(&args.reading, &model, &args.logs)?;
     args.reading = reading;
     let kind = observe::kind(&args.reading);

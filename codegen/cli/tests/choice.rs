@@ -263,7 +263,7 @@ fn repeating(dir: &Path, growth: f64) {
     let mut text = "t,q,tau_q\n".to_owned();
     for k in 0..2000 {
         let t = 0.01 * f64::from(k);
-        let start = std::f64::consts::TAU * 0.3137;
+        let start = std::f64::consts::TAU * 0.3125;
         // the phase, its rate and the rate of that
         let phase = start * t * (1.0 + growth * t);
         let (rate, change) = (start * (1.0 + 2.0 * growth * t), 2.0 * growth * start);
@@ -297,9 +297,18 @@ fn a_motion_that_repeats_itself_is_a_series_and_one_that_does_not_is_none() {
     assert_eq!(series["is_used"], true, "{own}");
     assert_eq!(series["harmonics"], 3);
     let frequency = series["frequency"].as_f64().unwrap();
-    assert!((frequency / 0.3137 - 1.0).abs() < 1e-4, "{series}");
+    assert!((frequency / 0.3125 - 1.0).abs() < 1e-4, "{series}");
     for ((_, low, high, status), truth) in rows(&own).into_iter().zip([2.0, 3.0]) {
         assert!(status == "well" && low < truth && truth < high, "{own}");
+    }
+    // a mean of its periods is differentiated so too, and its energy is that of the same motion
+    for more in [["--period", "3.2"], ["--energy", "0.2"]] {
+        let other = found(&more);
+        assert_eq!(other["filter"]["series"]["is_used"], true, "{other}");
+        for ((value, low, high, _), truth) in rows(&other).into_iter().zip([2.0, 3.0]) {
+            assert!(low < truth && truth < high, "{other}");
+            assert!((value / truth - 1.0).abs() < 0.02, "{other}");
+        }
     }
     // the option repeats it, and predictions of other motions use the filter
     let pinned = found(&["--fourier", &format!("{frequency},3")]);
@@ -556,4 +565,40 @@ fn logs_that_parameters_were_identified_from_are_told_to_validate_nothing() {
     let text = validate("log.csv");
     assert!(text.contains("errors on them validate nothing"), "{text}");
     assert!(!validate("other.csv").contains("validate nothing"));
+}
+
+#[test]
+fn factors_of_logs_give_the_estimate_of_the_logs_with_its_deviations() {
+    let dir = simulated("choice_factors", "1e-5,0.02");
+    let spec = spec();
+    let observed = ["observe", &spec, "log.csv", "--out", "a.factors"];
+    regen(&dir, &observed).ended(0);
+    let from = |files: &[&str]| {
+        let words = [&["identify", &spec, "--format", "json", "--from"], files].concat();
+        regen(&dir, &words).ended(0).json()
+    };
+    let direct = rows(&identified(&dir, &[]));
+    let single = rows(&from(&["a.factors"]));
+    let twice = rows(&from(&["a.factors", "a.factors"]));
+    for ((direct, single), twice) in direct.iter().zip(&single).zip(&twice) {
+        let length = direct.2 - direct.1;
+        assert!(
+            (direct.0 - single.0).abs() < 0.05 * length,
+            "{direct:?} {single:?}"
+        );
+        let ratio = (single.2 - single.1) / length;
+        assert!((ratio - 1.0).abs() < 0.02, "{direct:?} {single:?}");
+        // two logs with as large and independent errors: half of the variance, and twice the degrees of freedom
+        let ratio = (twice.2 - twice.1) / length;
+        assert!((0.6..0.72).contains(&ratio), "{ratio}");
+        assert!((direct.0 - twice.0).abs() < 0.05 * length);
+    }
+    // factors without their errors are told
+    let text = fs::read_to_string(dir.join("a.factors")).unwrap();
+    let mut bare: Value = serde_json::from_str(&text).unwrap();
+    bare.as_object_mut().unwrap().remove("errors").unwrap();
+    fs::write(dir.join("b.factors"), bare.to_string()).unwrap();
+    let mixed = from(&["a.factors", "b.factors"]);
+    let method = mixed["deviations"].as_str().unwrap();
+    assert!(method.contains("white residuals"), "{method}");
 }

@@ -257,3 +257,264 @@ fn the_schema_of_experiment_files_beside_the_robots_is_fresh() {
         "robots/runs.schema.json is stale: run `REGEN_UPDATE=1 cargo test -p regen-cli --test all experiment_file`"
     );
 }
+
+/// An arm of one joint about a horizontal axis with a sensor of two forces and a moment, which carries a
+/// tool; nothing is known of the arm's drive.
+const SENSOR: &str = "\
+name: sensor
+limbs:
+  - name: arm
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: j1, type: revolute, body: 1, actuated: true}
+      - {name: fx, type: prismatic, axis: x, origin: {xyz: [0.4, 0, 0]}, actuated: true, offset: true}
+      - {name: fy, type: prismatic, axis: y, actuated: true, offset: true}
+      - {name: tz, type: revolute, axis: z, body: tool, actuated: true, offset: true}
+";
+
+/// A log of that arm as a force and torque sensor writes it: the angle in degrees, and the three values with
+/// their offsets. The tool has 1.5 kg at (0.1, -0.05) m, and 0.01 kg m^2 about its centre of mass.
+fn wrenches() -> String {
+    let mut text = "t,angle,Fx,Fy,Mz\n".to_owned();
+    let (mass, [x, y], inertia) = (1.5, [0.1, -0.05], 0.01);
+    for k in 0..800 {
+        let t = 0.01 * f64::from(k);
+        let terms = [(0.6, 1.3, 0.0), (0.4, 2.9, 1.0)].map(|(a, w, p): (f64, f64, f64)| {
+            let angle = w * t + p;
+            [
+                a * angle.sin(),
+                a * w * angle.cos(),
+                -a * w * w * angle.sin(),
+            ]
+        });
+        let [q, v, a] = [0, 1, 2].map(|part| terms[0][part] + terms[1][part]);
+        let noise = |seed: f64| 1e-3 * (seed * f64::from(k * k % 997)).sin();
+        let force = [
+            mass * (-v * v * (0.4 + x) - a * y + 9.81 * q.sin()),
+            mass * (a * (0.4 + x) - v * v * y + 9.81 * q.cos()),
+        ];
+        let moment = inertia * a + x * force[1] - y * force[0];
+        text += &format!(
+            "{t},{},{},{},{}\n",
+            q.to_degrees(),
+            force[0] + 1.3 + noise(1.1),
+            force[1] - 2.1 + noise(2.3),
+            moment + 0.05 + 0.1 * noise(3.7)
+        );
+    }
+    text
+}
+
+/// The values of the parameters that a run found, by their labels.
+fn labelled(json: &Value) -> Vec<(String, f64)> {
+    let rows = json["parameters"].as_array().unwrap().iter();
+    let row = |r: &Value| {
+        (
+            r["label"].as_str().unwrap().to_owned(),
+            r["value"].as_f64().unwrap(),
+        )
+    };
+    rows.map(row).collect()
+}
+
+#[test]
+fn a_tool_behind_a_force_and_torque_sensor_is_identified_without_the_efforts_of_the_arm() {
+    let dir = scratch("sensor");
+    fs::write(dir.join("sensor.yaml"), SENSOR).unwrap();
+    fs::write(dir.join("log.csv"), wrenches()).unwrap();
+    let runs = "\
+columns:
+  j1: {column: angle, unit: deg}
+  f*: {constant: [0, 0]}
+  tz: {constant: 0, unit: deg}
+  tau_j*: unmeasured
+  tau_fx: Fx
+  tau_fy: Fy
+  tau_tz: Mz
+runs: [{files: [log.csv]}]
+";
+    fs::write(dir.join("runs.yaml"), runs).unwrap();
+    let filter = ["--butterworth", "4,10"];
+    let read = [&["identify", "sensor.yaml", "runs.yaml"][..], &filter].concat();
+    let run = regen(&dir, &[&read[..], &["--format", "json"]].concat()).ended(0);
+    let found = labelled(&run.json());
+    let truth = [
+        ("mx(tool)", 0.15),
+        ("my(tool)", -0.075),
+        ("Izz(tool)", 0.01 + 1.5 * (0.1 * 0.1 + 0.05 * 0.05)),
+        ("m(tool)", 1.5),
+        ("Fo(fx)", 1.3),
+        ("Fo(fy)", -2.1),
+        ("Fo(tz)", 0.05),
+    ];
+    assert_eq!(found.len(), truth.len(), "{found:?}");
+    for (label, value) in truth {
+        let (_, own) = found.iter().find(|row| row.0 == label).unwrap();
+        assert!((own - value).abs() < 1e-3, "{label}: {own} and not {value}");
+    }
+    // what is left out is told, and nothing else is wrong
+    let left_out = "left out: Izz(1), mx(1), my(1). For";
+    assert!(run.err.contains(left_out), "{}", run.err);
+    assert!(!run.err.contains("warning"), "{}", run.err);
+    assert_eq!(run.json()["unmeasured"], serde_json::json!(["j1"]));
+    let text = regen(&dir, &read).ended(0).out;
+    assert!(text.contains("the equations of j1 are left out"), "{text}");
+    assert!(!text.contains("NaN"), "{text}");
+
+    // the options say the same, and so does the spec that the note proposes
+    let columns = [
+        "j1=angle:deg",
+        "fx=constant:0",
+        "fy=constant:0",
+        "tz=constant:0:deg",
+        "tau_j1=unmeasured",
+        "tau_fx=Fx",
+        "tau_fy=Fy",
+        "tau_tz=Mz",
+    ];
+    let mut args = vec!["identify", "sensor.yaml", "log.csv", "--format", "json"];
+    args.extend(filter);
+    args.extend(columns.iter().flat_map(|own| ["--column", own]));
+    assert_eq!(labelled(&regen(&dir, &args).ended(0).json()), found);
+    let proposed = run
+        .err
+        .split('`')
+        .find(|part| part.starts_with("base:"))
+        .unwrap();
+    fs::write(dir.join("dropped.yaml"), format!("{SENSOR}{proposed}\n")).unwrap();
+    args[1] = "dropped.yaml";
+    let again = regen(&dir, &args).ended(0);
+    assert_eq!((labelled(&again.json()), again.err.as_str()), (found, ""));
+    // other estimators leave the same out
+    for more in [
+        &["--iv"][..],
+        &["--huber", "1.345"],
+        &["--delay", "auto"],
+        &["--feasible"],
+    ] {
+        regen(&dir, &[&read[..], more].concat()).ended(0);
+    }
+}
+
+#[test]
+fn constants_and_unmeasured_efforts_are_refused_where_they_mean_nothing() {
+    let dir = scratch("no_columns");
+    fs::write(dir.join("sensor.yaml"), SENSOR).unwrap();
+    fs::write(dir.join("log.csv"), wrenches()).unwrap();
+    for (columns, says) in [
+        ("qd_fx: {constant: 0}", "only a position can be constant"),
+        ("tau_fx: {constant: 0}", "is `unmeasured`"),
+        ("fx: unmeasured", "only an effort can be `unmeasured`"),
+        ("fx: {constant: 0, factor: 2}", "a constant has no 'factor'"),
+        ("fx: {constant: 0, unit: N}", "not measured in N"),
+        ("fx: {unit: m}", "lacks the key 'column'"),
+        ("f*: {constant: [0, 0, 0]}", "3 values for 2 coordinates"),
+    ] {
+        let text = format!("columns:\n  {columns}\nruns: [{{files: [log.csv]}}]\n");
+        fs::write(dir.join("runs.yaml"), text).unwrap();
+        let run = regen(&dir, &["identify", "sensor.yaml", "runs.yaml"]).ended(3);
+        assert!(run.err.contains(says), "{columns}: {}", run.err);
+        assert!(run.err.contains("runs.yaml:2"), "{columns}: {}", run.err);
+    }
+    let all = [
+        "fx=constant:0",
+        "fy=constant:0",
+        "tz=constant:0",
+        "j1=angle:deg",
+    ];
+    let mut args = vec!["identify", "sensor.yaml", "log.csv"];
+    args.extend(all.iter().flat_map(|own| ["--column", own]));
+    // an effort without a column is told how it is left out
+    let run = regen(&dir, &args).ended(3);
+    assert!(run.err.contains("tau_j1=unmeasured"), "{}", run.err);
+    let none = ["tau_j1", "tau_fx", "tau_fy", "tau_tz"].map(|name| format!("{name}=unmeasured"));
+    args.extend(none.iter().flat_map(|own| ["--column", own.as_str()]));
+    let run = regen(&dir, &args).ended(3);
+    assert!(
+        run.err.contains("every equation contains an effort"),
+        "{}",
+        run.err
+    );
+    args.extend(["--energy", "0.5"]);
+    let run = regen(&dir, &args).ended(3);
+    assert!(
+        run.err.contains("needs the power of every effort"),
+        "{}",
+        run.err
+    );
+}
+
+/// Two links in a vertical plane with friction, and poses of them in which one joint moves at a time, so that
+/// positions and efforts repeat and jump.
+fn poses(dir: &Path) {
+    let spec = "\
+name: arm
+limbs:
+  - name: arm
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true, friction: linear}
+      - {name: q2, type: revolute, dh: {a: 0.4}, body: 2, actuated: true, friction: linear}
+";
+    fs::write(dir.join("arm.yaml"), spec).unwrap();
+    let mut text = "pose,q1,q2,tau_q1,tau_q2\n".to_owned();
+    for k in 0..40 {
+        let at = |n: i32| 2.5 * (7.7 * f64::from(n)).sin();
+        let (q1, q2) = (at(k / 4), at(100 + k));
+        let noise = |seed: f64| 0.01 * (seed * f64::from(k)).sin();
+        // the first moments of the second link about its joint, and of both about the first
+        let second = 9.81 * (0.3 * (q1 + q2).cos() - 0.02 * (q1 + q2).sin());
+        let first = 9.81 * (1.1 * q1.cos() - 0.05 * q1.sin()) + second;
+        let (first, second) = (first + noise(91.7), second + noise(57.3));
+        text += &format!("{k},{q1},{q2},{first},{second}\n");
+    }
+    fs::write(dir.join("poses.csv"), text).unwrap();
+}
+
+#[test]
+fn gravity_is_identified_from_poses_at_rest_by_an_option_or_a_key() {
+    let dir = scratch("poses");
+    poses(&dir);
+    let json = ["--format", "json"];
+    let option = ["identify", "arm.yaml", "poses.csv", "--poses"];
+    let run = regen(&dir, &[&option[..], &json].concat()).ended(0);
+    let found = labelled(&run.json());
+    let truth = [
+        ("mx(1)", 1.1),
+        ("my(1)", 0.05),
+        ("mx(2)", 0.3),
+        ("my(2)", 0.02),
+    ];
+    assert_eq!(found.len(), truth.len(), "{found:?}");
+    for (label, value) in truth {
+        let (_, own) = found.iter().find(|row| row.0 == label).unwrap();
+        assert!((own - value).abs() < 2e-3, "{label}: {own} and not {value}");
+    }
+    // neither a clock, nor a joint without motion, nor repeated rows are doubted
+    assert!(!run.err.contains("warning"), "{}", run.err);
+    assert!(run.err.contains("Fc(q2). For"), "{}", run.err);
+    let runs = "process: {motion: poses}\nruns: [{files: [poses.csv]}]\n";
+    fs::write(dir.join("runs.yaml"), runs).unwrap();
+    let by_key = ["identify", "arm.yaml", "runs.yaml"];
+    let by_key = regen(&dir, &[&by_key[..], &json].concat()).ended(0);
+    assert_eq!(labelled(&by_key.json()), found);
+
+    // without either the option is proposed, and what needs motion refuses it
+    let run = regen(&dir, &option[..3]).ended(3);
+    assert!(run.err.contains("need none with `--poses`"), "{}", run.err);
+    let run = regen(&dir, &[&option[..], &["--feasible"]].concat()).ended(3);
+    assert!(
+        run.err.contains("physical parameters need inertias"),
+        "{}",
+        run.err
+    );
+    let run = regen(&dir, &[&option[..], &["--energy", "1"]].concat()).ended(2);
+    assert!(run.err.contains("cannot be used with"), "{}", run.err);
+    let text =
+        "process: {motion: poses, filter: none, delay: auto}\nruns: [{files: [poses.csv]}]\n";
+    fs::write(dir.join("runs.yaml"), text).unwrap();
+    let run = regen(&dir, &["identify", "arm.yaml", "runs.yaml"]).ended(3);
+    for key in ["'filter' is for motion", "'delay' is for motion"] {
+        assert!(run.err.contains(key), "{key}: {}", run.err);
+    }
+}

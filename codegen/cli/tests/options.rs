@@ -178,6 +178,7 @@ const REFUSED: &[(&str, &[&str])] = &[
     (
         "inspect log.csv {}",
         &[
+            "poses",
             "velocities computed",
             "fourier 0.2,5",
             "butterworth 4,20",
@@ -211,6 +212,7 @@ const REFUSED: &[(&str, &[&str])] = &[
     (
         "identify fivebar.yaml --from f.json {}",
         &[
+            "poses",
             "column q1=q1",
             "topic a",
             "episode 0",
@@ -375,6 +377,7 @@ const REFUSED: &[(&str, &[&str])] = &[
     (
         "observe fivebar.yaml log.csv --out x.json {}",
         &[
+            "poses --rate 100",
             "payload none",
             "logs .",
             "topic a",
@@ -392,6 +395,7 @@ const REFUSED: &[(&str, &[&str])] = &[
     (
         "validate fivebar.yaml p.json log.csv --butterworth 4,20 {}",
         &[
+            "poses --rate 100",
             "payload none",
             "logs .",
             "topic a",
@@ -408,6 +412,7 @@ const REFUSED: &[(&str, &[&str])] = &[
     (
         "report fivebar.yaml p.json log.csv --out x.html --butterworth 4,20 {}",
         &[
+            "poses --rate 100",
             "payload none",
             "logs .",
             "topic a",
@@ -445,6 +450,7 @@ const REFUSED: &[(&str, &[&str])] = &[
     (
         "rehearse fivebar.yaml {}",
         &[
+            "poses",
             "payload none",
             "logs .",
             "topic a",

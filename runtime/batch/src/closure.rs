@@ -25,6 +25,8 @@ pub(super) const MAX_CORRECTION_RATIO: f64 = 0.25;
 const SAME_SOLUTION: f64 = 1e-8;
 /// Below this pivot, states are solved one by one, with the condition number of A_e.
 pub(super) const SUSPECT_PIVOT: f64 = 0.1;
+/// The most continuation steps to a state after the first, where steps are counted: they reach 125 rad.
+const LATER_STEPS: usize = 500;
 /// Newton steps per solution; from the state before it, two or three are enough.
 pub(super) const MAX_STEPS: usize = 8;
 
@@ -80,6 +82,10 @@ pub struct TrajectoryClosure<'m, M: ?Sized> {
     last: Option<Vec<f64>>,
     /// Whether `closure` was left at an earlier state than `last`.
     behind: bool,
+    /// The continuation steps that states may still take; `None` without a limit.
+    allowance: Option<usize>,
+    /// How many of the steps that `closure` took are no longer in the allowance.
+    charged: usize,
     units: Vec<f64>,
     row_units: Vec<f64>,
 }
@@ -149,9 +155,43 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
             closure,
             last: None,
             behind: false,
+            allowance: None,
+            charged: 0,
             units,
             row_units,
         })
+    }
+
+    /// Adds to the continuation steps that all states together may take; without a call there is no
+    /// limit. The first state, which may be far from home, may take half of them, and each later one half
+    /// of what is left and at most 500 steps, so that something remains for the others, and at least one,
+    /// which is enough where it is near the state before. A block of states that are near each other takes
+    /// none.
+    pub fn allow_steps(&mut self, steps: usize) {
+        self.allowance = Some(self.allowance.unwrap_or(0).saturating_add(steps));
+    }
+
+    /// The number of continuation steps of all states so far.
+    pub fn steps_taken(&self) -> usize {
+        self.closure.steps_taken()
+    }
+
+    /// The number of states so far that were given up because they would have taken more steps than
+    /// they may.
+    pub fn given_up(&self) -> usize {
+        self.closure.given_up()
+    }
+
+    /// Takes the steps since the last call off the allowance, and limits the next state to its part
+    /// of the rest.
+    fn limit_next(&mut self) {
+        let taken = self.closure.steps_taken();
+        if let Some(left) = &mut self.allowance {
+            *left = left.saturating_sub(taken - self.charged);
+            let most = if taken == 0 { *left } else { LATER_STEPS };
+            self.closure.limit_steps(most.min(*left / 2).max(1));
+        }
+        self.charged = taken;
     }
 
     /// Starts the next trajectory from home.
@@ -184,6 +224,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
     /// When the model is inconsistent.
     pub fn single(&mut self) -> Result<&mut LoopClosure<'m, M>, ClosureError> {
         self.catch_up()?;
+        self.limit_next();
         self.last = None;
         Ok(&mut self.closure)
     }
@@ -375,6 +416,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
         states: &mut TrackedStates,
     ) -> Result<(), ClosureError> {
         self.catch_up()?;
+        self.limit_next();
         let [q_i, qd_i, qdd_i] = [0, 1, 2].map(|part| trajectory.at(part, state));
         let solved = self.closure.track_state(&q_i, &qd_i, &qdd_i)?;
         if solved.outcome.is_closed() {

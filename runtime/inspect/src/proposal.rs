@@ -338,7 +338,8 @@ pub fn proposal(
     write_process(&mut out, found, choice);
     checks(&mut out, facts);
     out.push_str("runs:\n");
-    for run in runs {
+    let cut = choice.map(|own| own.runs(runs));
+    for run in cut.as_deref().unwrap_or(runs) {
         let files: Vec<String> = run
             .files
             .iter()

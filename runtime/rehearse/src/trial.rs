@@ -72,12 +72,17 @@ where
             settings: &self.twin.settings,
         };
         let mut session = self.session();
+        // another motion does not repeat itself as this one does
+        let mut of_other_motions = None;
         if self.chooses_filter && self.estimator.reads_motion() {
             let open = OpenChoices {
                 delays: session.reading.delays.is_empty() && !self.finds_delays,
                 loss: self.estimator.has_open_loss(),
+                series: self.loads.is_none(),
             };
             if let Some(choice) = chosen(&session, runs, open)? {
+                *runs = choice.runs(runs);
+                of_other_motions = Some(choice.without_series());
                 session.reading = choice.applied(&session.reading);
                 session.options.huber = session.options.huber.or(choice.huber());
             }
@@ -96,6 +101,10 @@ where
             Ok(found) => found,
             Err(why) => return Ok(Err(why)),
         };
+        if let Some(choice) = of_other_motions {
+            session.reading.method = choice.method();
+            session.reading.decimation = choice.equation_decimation();
+        }
         let error = match fresh {
             Some(fresh) => self.error_of(&session, fresh, &found)?,
             None => None,

@@ -24,6 +24,15 @@ const MIN_RELATIVE_STEP: f64 = 1e-12;
 /// Bound on the number of continuation steps, enough for a path of thousands of rad.
 pub(super) const MAX_STEPS: usize = 50_000;
 
+/// The continuation steps of a solve.
+#[derive(Clone, Copy)]
+pub(super) struct Steps {
+    /// Their number, refused ones included.
+    pub(super) taken: usize,
+    /// Whether the solve ended because it would have taken more than it may.
+    pub(super) cut: bool,
+}
+
 /// A closed state on the branch, with its A_e.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
@@ -106,13 +115,13 @@ fn dependent_matrix<M: Model<f64> + ?Sized>(
 /// Follows the branch from a regular, closed point to the independent coordinates `target`.
 ///
 /// Returns the last state on the branch, which is at `target` if the outcome is
-/// [`Outcome::Closed`], and the number of steps taken, at most `max_steps`.
+/// [`Outcome::Closed`], and the steps taken, at most `max_steps`.
 pub(super) fn follow<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     start: &Point,
     target: &[f64],
     max_steps: usize,
-) -> Result<(Point, Outcome, usize), ClosureError> {
+) -> Result<(Point, Outcome, Steps), ClosureError> {
     let origin: Vec<f64> = newton
         .independent
         .iter()
@@ -135,12 +144,19 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
     if length > MAX_PREDICTOR_MOVE * max_steps as f64 {
         let residual = newton.residual(&start.q)?;
         let outcome = Outcome::NotClosed { at: 0.0, residual };
-        return Ok((start.clone(), outcome, 0));
+        let none = Steps {
+            taken: 0,
+            cut: true,
+        };
+        return Ok((start.clone(), outcome, none));
     }
     let mut point = start.clone();
     let mut done = 0.0;
     let mut proposed = 1.0;
-    let mut steps = 0;
+    let mut steps = Steps {
+        taken: 0,
+        cut: false,
+    };
     while done < 1.0 {
         let mut tangent = vec![0.0; point.q.len()];
         let Newton {
@@ -190,8 +206,9 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
                 }
             }
         }
-        steps += 1;
-        if steps >= max_steps && done < 1.0 {
+        steps.taken += 1;
+        if steps.taken >= max_steps && done < 1.0 {
+            steps.cut = true;
             let residual = newton.residual(&point.q)?;
             return Ok((point, Outcome::NotClosed { at: done, residual }, steps));
         }

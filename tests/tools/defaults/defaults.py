@@ -219,11 +219,13 @@ def group(o, name, motion, seed):
     run = robots.Run(spec, motion, seed, o.time, o.cache, "+stribeck" in name)
     base = regen.base(spec)
     truth, w = run.combinations(base)
+    floor = run.floor(base, o.effort)
     with tempfile.TemporaryDirectory() as folder:
         log = pathlib.Path(folder) / "log.csv"
         for rate in o.rates:
             for noise in o.noise:
-                cell = {"robot": name, "motion": motion, "rate": rate, "noise": noise, "seed": seed}
+                cell = {"robot": name, "motion": motion, "rate": rate, "noise": noise, "seed": seed,
+                        "floor": floor / np.sqrt(rate)}
                 random = np.random.default_rng([seed, zlib.crc32(f"{name} {motion} {rate} {noise}".encode())])
                 write(log, run, *rows(run, rate, noise, o.effort, random))
                 yield measured(o, cell, regen, spec, log, base, truth, w, run.test_efforts)
@@ -235,6 +237,8 @@ def measured(o, cell, regen, spec, log, base, truth, w, efforts):
     figures = judged(found, base, truth, w, efforts)
     cell |= {"options": o.options, "answered": figures is not None, "seconds": round(seconds, 3)}
     cell |= figures or {}
+    if found.get("filter"):
+        cell["choice"] = {key: value for key, value in found["filter"].items() if key != "candidates"}
     if figures and "+stribeck" in cell["robot"]:
         # the intervals are those of a model that does not hold
         cell |= {"intervals": 0, "inside": 0, "wrong": 0}
@@ -350,6 +354,14 @@ def summarise(cells, manual_coverage, hardest=10, by=("robot", "motion", "rate",
         print(f"error at most {AIM} times that of the best manual filter: {share(good, len(rated))}; "
               f"median {np.median(ratios):.3g}, 90 % {np.quantile(ratios, 0.9):.3g}, "
               f"worst {worst['ratio']:.3g} ({title(worst)})")
+    floored = [c for c in answered if "floor" in c]
+    if floored:
+        ratios = np.array([c["error"] / c["floor"] for c in floored])
+        print(f"error over that expected of noise of efforts alone: geometric mean {np.exp(np.log(ratios).mean()):.3g}")
+        both = [c for c in floored if "best" in c]
+        if both:
+            good = sum(c["error"] <= AIM * max(c["best"], c["floor"]) for c in both)
+            print(f"error at most {AIM} times the larger of this and the best manual filter's: {share(good, len(both))}")
     wrong = [c for c in answered if c["wrong"]]
     print(f"95 % intervals that hold the truth: {covered(answered)}")
     print(f"logs with values well but wrong: {len(wrong)} of {len(answered)}, "

@@ -32,6 +32,7 @@ TURN, SLIDE = 0.6, 0.15  # the reach of a coordinate without limits, rad and m
 NODES = 8  # of the polynomial through the nearest points of a grid
 COARSE, FINE = 100, 6400  # Hz, of grids
 ACCURACY = 1e-8  # of what is interpolated between the points of a grid
+FLOOR_ROWS = 1000  # at which a motion is taken for the error that noise of efforts alone leaves
 TEST_STATES = 200  # of the motion on which parameters are judged
 SKEW = np.array([[[0, 0, 0], [0, 0, -1], [0, 1, 0]],
                  [[0, 0, 1], [0, 0, 0], [-1, 0, 0]],
@@ -520,3 +521,25 @@ class Run:
         names = list(self.truth)
         values = [sum(x["value"] * self.truth[x["parameter"]] for x in row["terms"]) for row in base]
         return np.array(values), self.test[:, :, [names.index(row["label"]) for row in base]]
+
+    def floor(self, base, effort):
+        """The expected error of least squares that knows the motion of a log of 1 Hz, % of the efforts.
+
+        That of a log of R Hz is this over the root of R. `effort` is the noise of the efforts over their rms.
+        """
+        robot, motion = self.robot, self.motion
+        t = np.arange(FLOOR_ROWS) * motion.time / FLOOR_ROWS
+        q, v, a, slopes = robot.states(t, *motion.at(t), robot.start)
+        w = np.concatenate([robot.regressor(q, v, a, slopes), robot.columns(v, a, slopes, np.sign(v))[1]], axis=2)
+        names = list(self.truth)
+        kept = [names.index(row["label"]) for row in base]
+        moves = np.full(len(t), True)
+        if len(self.more):
+            # static friction is not known
+            moves = ~np.array([p[2] for p in motion.pieces])[motion.piece(t)]
+        size = effort * np.sqrt(np.mean(self.at(t)[1] ** 2, axis=0))
+        w = w[:, :, kept] / size[:, None]
+        information = np.einsum("tep,teq->pq", w[moves], w[moves]) * motion.time / FLOOR_ROWS
+        test = self.test[:, :, kept]
+        error = np.einsum("tep,pq,teq->te", test, np.linalg.pinv(information), test).mean()
+        return float(100 * np.sqrt(error / np.mean(self.test_efforts**2)))

@@ -101,11 +101,12 @@ pub(crate) fn unused_keys(
 }
 
 /// Options of reading logs.
-const READING: [&str; 21] = [
+const READING: [&str; 22] = [
     "folder",
     "column",
     "topic",
     "episode",
+    "poses",
     "rate",
     "resample",
     "velocities",
@@ -126,7 +127,8 @@ const READING: [&str; 21] = [
 ];
 
 /// Options of reading logs that concern the equations of a robot.
-const OF_EQUATIONS: [&str; 13] = [
+const OF_EQUATIONS: [&str; 14] = [
+    "poses",
     "velocities",
     "fourier",
     "butterworth",
@@ -200,7 +202,7 @@ struct Rule {
     why: &'static str,
 }
 
-const RULES: [Rule; 32] = [
+const RULES: [Rule; 33] = [
     Rule {
         commands: &["identify"],
         options: &READING,
@@ -350,6 +352,12 @@ const RULES: [Rule; 32] = [
         options: &["folder", "topic", "episode", "gain"],
         holds: |w| !w.has("logs"),
         why: "no experiment file and no log is given, RUNS",
+    },
+    Rule {
+        commands: &["rehearse"],
+        options: &["poses"],
+        holds: |_| true,
+        why: "the simulated robot moves",
     },
     Rule {
         commands: &["rehearse"],

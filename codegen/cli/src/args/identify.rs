@@ -68,6 +68,9 @@ Examples:
   regen identify robots/3rps.yaml --from monday.json tuesday.json --out p.json
   regen identify arm.yaml run.csv --column q1=angle:deg \\
       --column 'tau_q1=i:A*0.12'
+  regen identify arm.yaml run.csv --column q3=constant:90:deg \\
+      --column tau_q1=unmeasured
+  regen identify arm.yaml poses.csv --poses
   regen identify arm.yaml run.csv --feasible --prior weighted:20 \\
       --bodies new.yaml
   regen identify arm.yaml run.csv --friction --against other.csv slow.csv

@@ -16,7 +16,8 @@ pub(crate) struct ReadingArgs {
     #[arg(long = "logs", id = "folder", value_name = "DIR")]
     pub(crate) folder: Option<PathBuf>,
     /// Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if
-    /// needed; COLUMN is a header or a number
+    /// needed; COLUMN is a header or a number. q3=constant:90:deg is a position that
+    /// stays, tau_q3=unmeasured an effort whose equations are left out
     #[arg(long, value_name = "ASSIGNMENT")]
     pub(crate) column: Vec<regen_identify::data::Assignment>,
     /// The topic to read from MCAP files and ROS 2 bags [default: the only one with
@@ -26,6 +27,12 @@ pub(crate) struct ReadingArgs {
     /// The index of the episode to read from LeRobot files [default: the only one]
     #[arg(long, value_name = "INDEX", hide_short_help = true)]
     pub(crate) episode: Option<u64>,
+    /// Each row is a pose at rest, with efforts that were averaged there: no time is read,
+    /// velocities and accelerations are 0
+    #[arg(long, group = "method", hide_short_help = true, conflicts_with_all = [
+        "rate", "resample", "velocities", "decimate", "period", "delay", "energy",
+    ])]
+    pub(crate) poses: bool,
     /// The rate of the rows in Hz, if no column has their time
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(crate) rate: Option<f64>,

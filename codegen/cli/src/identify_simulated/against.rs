@@ -1,6 +1,6 @@
 //! What the efforts of the logs say of a fit to responses, which does not use them.
 
-use regen_identify::data::Track;
+use regen_identify::data::{Run, Track};
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, Session, compare, from_logs};
 use regen_interpreted::Interpreted;
@@ -25,23 +25,27 @@ const VELOCITY_LATENCIES: [f64; 5] = [0.0, 0.5, 1.0, 1.5, 2.0];
 /// The efforts of the logs, with least squares of them.
 pub(super) struct Efforts<'m> {
     session: Session<'m, Interpreted<'m>>,
-    args: &'m IdentifyArgs,
+    /// The time at the start of each log that simulations leave out, s.
+    settle: f64,
+    logs: Vec<Run>,
     start: LeastSquaresStart,
 }
 
 impl<'m> Efforts<'m> {
     /// Reads the efforts of the logs; `None` where they have none that determine the parameters.
-    pub(super) fn of(args: &'m IdentifyArgs, model: &'m Interpreted<'m>) -> Option<Self> {
+    pub(super) fn of(args: &IdentifyArgs, model: &'m Interpreted<'m>) -> Option<Self> {
         let mut reading = args.reading.clone();
         let open = choice::open(&reading, false);
         let session = observe::session(model, &reading);
-        choice::made(&mut reading, &session, &args.logs, open).ok()?;
+        let mut logs = args.logs.clone();
+        choice::made(&mut reading, &session, &mut logs, open).ok()?;
         let session = observe::session(model, &reading);
-        let mut logs = session.open(&args.logs).ok()?;
-        let start = from_logs(&session, &mut logs).ok()?;
+        let mut opened = session.open(&logs).ok()?;
+        let start = from_logs(&session, &mut opened).ok()?;
         Some(Self {
             session,
-            args,
+            settle: args.simulated.settle,
+            logs,
             start,
         })
     }
@@ -65,7 +69,7 @@ impl<'m> Efforts<'m> {
         let distance = |own: &Setup| {
             let known = vec![Some(own); all.len()];
             let controllers = TrackControllers::new(&known, &[], &info);
-            let settle = self.args.simulated.settle;
+            let settle = self.settle;
             let loops =
                 SimulatedLoops::choose(model, all, None, &controllers, None, settle, &values)
                     .ok()?;
@@ -106,7 +110,7 @@ impl<'m> Efforts<'m> {
     /// How well an estimate predicts the efforts, in the log where it is worst.
     pub(super) fn errors(&self, found: &IdentifiedModel) -> Option<EffortsOfLogs> {
         let models = [self.start.model(), found.clone()];
-        let logs = (self.args.logs.as_slice(), &[][..]);
+        let logs = (self.logs.as_slice(), &[][..]);
         let errors = compare(&self.session, Some(&self.start), logs, &models).ok()?;
         let [least, own] = &errors[..] else {
             return None;

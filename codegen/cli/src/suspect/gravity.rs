@@ -13,8 +13,27 @@ use crate::load;
 
 /// The size of gravity that is tried where the spec has none, m/s^2.
 const USUAL_GRAVITY: f64 = 9.81;
+/// A gravity that differs by more than this part may be in another unit.
+const USUAL_TOLERANCE: f64 = 0.05;
+/// Gravity is as good an explanation as a constant up to this factor: it has no more unknowns.
+const AS_GOOD: f64 = 1.05;
 /// The largest number of parameters of a robot that is derived again for another gravity.
 const MAX_PARAMETERS: usize = 120;
+
+/// The functions that a trial calls: the others take most of the time of a derivation.
+const TRIED_FUNCTIONS: [FunctionKind; 11] = [
+    FunctionKind::Constraints,
+    FunctionKind::Jacobian,
+    FunctionKind::Bias,
+    FunctionKind::NewtonStep,
+    FunctionKind::DependentJacobian,
+    FunctionKind::Velocities,
+    FunctionKind::Accelerations,
+    FunctionKind::GeneralizedForces,
+    FunctionKind::BaseRegressor,
+    FunctionKind::ToBase,
+    FunctionKind::BaseMassMatrix,
+];
 
 /// A spec that is tried with other values.
 #[derive(Debug, Default)]
@@ -55,7 +74,14 @@ pub(super) fn with_spec(
     let Some((other, _)) = best(columns, sample, specs) else {
         return found;
     };
-    let of_columns = found.iter().filter_map(|f| f.changed);
+    let of_columns = found.iter().filter_map(|f| {
+        let Remedy::Read { columns, .. } = &f.remedy else {
+            return f.changed;
+        };
+        let is_constant = columns.is_empty();
+        f.changed
+            .map(|changed| changed * if is_constant { AS_GOOD } else { 1.0 })
+    });
     let least = of_columns.fold(f64::INFINITY, f64::min);
     if other.changed.is_none_or(|changed| changed >= least) {
         return found;
@@ -83,11 +109,15 @@ fn best(
     sample: &Sample,
     specs: &OtherSpecs<'_>,
 ) -> Option<(Suspicion, Trial)> {
-    let before = suspect::trial(columns.model, sample)?;
-    if !before.is_doubtful() {
+    let short = suspect::short_trial(columns.model, sample)?;
+    if !short.is_doubtful() {
         return None;
     }
-    let mut out = suspect::weightless(columns, sample);
+    let before = suspect::trial(columns.model, sample)?;
+    // only the nominal bodies tell that a weight is missing
+    let mut out = (!before.nominal.is_empty())
+        .then(|| suspect::weightless(columns, sample))
+        .flatten();
     let info = columns.model.info();
     if info.parameters.len() > MAX_PARAMETERS {
         return out;
@@ -105,7 +135,12 @@ fn best(
         if model.info().coordinates != info.coordinates {
             continue;
         }
-        let Some(found) = suspect::trial(&model, sample) else {
+        let is_promising = suspect::short_trial(&model, sample)
+            .is_some_and(|found| found.gain_over(&short).is_some());
+        let found = is_promising
+            .then(|| suspect::trial(&model, sample))
+            .flatten();
+        let Some(found) = found else {
             continue;
         };
         let better = found.gain_over(&before).is_some()
@@ -125,7 +160,7 @@ fn best(
 /// The robot with another gravity, if it can be derived.
 fn derived(mechanism: &Mechanism, gravity: [f64; 3]) -> Option<Robot> {
     let other = mechanism.with_gravity(gravity)?;
-    other.robot(&FunctionKind::ALL).ok()
+    other.robot(&TRIED_FUNCTIONS).ok()
 }
 
 /// None, the opposite, and each axis and its opposite, without the present one.
@@ -133,6 +168,11 @@ fn others(own: [f64; 3]) -> Vec<[f64; 3]> {
     let size = own.iter().map(|g| g * g).sum::<f64>().sqrt();
     let size = if size > 0.0 { size } else { USUAL_GRAVITY };
     let mut out = vec![[0.0; 3], own.map(|g| 0.0 - g)];
+    // in g or in mm/s^2, as it is on earth
+    if (size / USUAL_GRAVITY - 1.0).abs() > USUAL_TOLERANCE {
+        let scale = USUAL_GRAVITY / size;
+        out.extend([scale, -scale].map(|scale| own.map(|g| 0.0 + scale * g)));
+    }
     for axis in (0..3).rev() {
         for sign in [-size, size] {
             let mut gravity = [0.0; 3];
@@ -157,12 +197,21 @@ fn words(own: [f64; 3], gravity: [f64; 3]) -> String {
         "these efforts do not contain gravity"
     } else if is_none(own) {
         "these efforts contain gravity, and the spec has none"
+    } else if is_along(own, gravity) {
+        "the spec's gravity looks as if in another unit"
     } else if sums.fold(0.0, |m: f64, sum| m.max(sum.abs())) == 0.0 {
         "the spec's gravity looks upside down"
     } else {
         "the spec's gravity looks as if along another axis"
     }
     .to_owned()
+}
+
+/// Whether both have one direction.
+fn is_along(one: [f64; 3], other: [f64; 3]) -> bool {
+    let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let dot: f64 = one.iter().zip(other).map(|(a, b)| a * b).sum();
+    dot > (1.0 - 1e-9) * size(one) * size(other)
 }
 
 /// The key of the spec with a gravity.

@@ -114,7 +114,7 @@ class InspectOptions(TypedDict, total=False):
 
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -140,6 +140,8 @@ class InspectOptions(TypedDict, total=False):
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
+    #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
+    poses: bool
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
     problems: Value | None
     #: The rate of the rows in Hz, if no column has their time
@@ -163,7 +165,7 @@ class ObserveOptions(TypedDict, total=False):
 
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -187,6 +189,8 @@ class ObserveOptions(TypedDict, total=False):
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
+    #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
+    poses: bool
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
     problems: Value | None
     #: The rate of the rows in Hz, if no column has their time
@@ -218,7 +222,7 @@ class IdentifyOptions(TypedDict, total=False):
     butterworth: Value | None
     #: Write the parameters as a C header of initialisers; it includes the robot's header, and compiles with that of this model only
     c: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: The column of a joint's commanded position: NAME=COLUMN, followed by :UNIT and *FACTOR if needed (may be repeated) [default: cmd_NAME]
     command: Values | None
@@ -284,6 +288,8 @@ class IdentifyOptions(TypedDict, total=False):
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
+    #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
+    poses: bool
     #: Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD (may be repeated) [default: from the robot's inertia, for the bandwidth at which the simulated motion is closest to the measured one]
     pid: Values | None
     #: Use the spec's nominal values as a prior: `weighted` or `weighted:PERCENT`, with standard deviations in percent of them [default 30], or `entropic` or `entropic:WEIGHT`, with the divergence of pseudo-inertias [default 1]
@@ -331,7 +337,7 @@ class ValidateOptions(TypedDict, total=False):
     beside: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -355,6 +361,8 @@ class ValidateOptions(TypedDict, total=False):
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
+    #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
+    poses: bool
     #: Write measured and predicted efforts of all logs here, CSV
     predict: Value | None
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
@@ -380,7 +388,7 @@ class ReportOptions(TypedDict, total=False):
     against: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -406,6 +414,8 @@ class ReportOptions(TypedDict, total=False):
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
+    #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
+    poses: bool
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
     problems: Value | None
     #: The rate of the rows in Hz, if no column has their time

@@ -199,6 +199,12 @@ impl Bridge {
         self.add(row.clone(), each)
     }
 
+    /// Ends the run before the next row.
+    pub(super) fn divide(&mut self, each: &mut RowSink<'_>) -> Result<(), DataError> {
+        self.last = None;
+        self.end(each)
+    }
+
     /// Passes on the rest.
     pub(super) fn finish(mut self, each: &mut RowSink<'_>) -> Result<Bridged, DataError> {
         self.end(each)?;

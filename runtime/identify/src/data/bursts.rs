@@ -1,4 +1,4 @@
-//! Finds runs of rows in which a position jumps away and comes back: no joint moves so.
+//! Finds rows at which a position jumps: away and back, or for good. No joint moves so.
 
 /// Number of changes before a jump, and after the return, that are compared with it.
 const CALM: usize = 5;
@@ -13,6 +13,8 @@ const MAX_CALM_PART: f64 = 0.1;
 const MAX_MOVED_PART: f64 = 0.25;
 /// The largest number of rows of a run.
 const MAX_ROWS: usize = 1000;
+/// A step of more than this many times the one before it leaves rows out.
+const MAX_STEPS: f64 = 1.5;
 /// The largest number of rows that are kept of all runs.
 const MAX_KEPT: usize = 10_000;
 
@@ -29,6 +31,15 @@ pub(super) struct OffRow {
     jump: f64,
 }
 
+/// A row at which a position jumps and does not come back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Jump {
+    /// The number of the row.
+    pub(super) line: u64,
+    /// The change from the row before, rad or m.
+    pub(super) by: f64,
+}
+
 /// A run that has begun and has not ended.
 #[derive(Clone, Debug)]
 struct Run {
@@ -39,6 +50,8 @@ struct Run {
     rate: f64,
     /// The rows since the jump.
     rows: Vec<(u64, f64)>,
+    /// Whether the rows just before and after the jump are calm, and the clock is even: it is no motion.
+    is_sharp: bool,
 }
 
 /// Looks for runs in one position, row by row.
@@ -50,11 +63,18 @@ pub(super) struct BurstFinder {
     count: usize,
     run: Option<Run>,
     found: Vec<OffRow>,
+    jumps: Vec<Jump>,
+    /// The time of the last row and its step from the one before, s.
+    time: f64,
+    step: f64,
 }
 
 impl BurstFinder {
-    /// Adds the position (rad or m) of the row at `line`.
-    pub(super) fn push(&mut self, line: u64, value: f64) {
+    /// Adds the position (rad or m) of the row at `line` and a time in s.
+    pub(super) fn push(&mut self, line: u64, time: f64, value: f64) {
+        let step = time - core::mem::replace(&mut self.time, time);
+        // rows that are missing are no jump
+        let is_even = step < MAX_STEPS * core::mem::replace(&mut self.step, step);
         let Some(before) = self.last.replace(value) else {
             return;
         };
@@ -70,6 +90,7 @@ impl BurstFinder {
                 jump: change.abs(),
                 rate: mean(&self.changes),
                 rows: Vec::new(),
+                is_sharp: is_even,
             });
         }
         self.changes.rotate_left(1);
@@ -77,14 +98,19 @@ impl BurstFinder {
         self.count += 1;
         if let Some(run) = &mut self.run {
             run.rows.push((line, value));
+            if (2..=CALM + 1).contains(&run.rows.len()) {
+                run.is_sharp &= is_even && change.abs() < MAX_CALM_PART * run.jump;
+            }
             self.judge();
         }
     }
 
     /// Forgets the rows before a gap.
     pub(super) fn pause(&mut self) {
+        self.settle();
         *self = Self {
             found: core::mem::take(&mut self.found),
+            jumps: core::mem::take(&mut self.jumps),
             ..Self::default()
         };
     }
@@ -93,7 +119,7 @@ impl BurstFinder {
     fn judge(&mut self) {
         let Some(run) = &self.run else { return };
         if run.rows.len() > MAX_ROWS {
-            self.run = None;
+            self.settle();
             return;
         }
         let Some(off) = run.rows.len().checked_sub(CALM + 1).filter(|off| *off > 0) else {
@@ -127,10 +153,29 @@ impl BurstFinder {
         self.run = None;
     }
 
-    /// The rows that are off by far more than the regular changes of the position.
-    pub(super) fn finish(self, regular: f64) -> impl Iterator<Item = OffRow> {
-        let found = self.found.into_iter();
-        found.filter(move |row| row.jump > MIN_REGULAR * regular)
+    /// Ends a run that does not come back, which is a jump for good.
+    fn settle(&mut self) {
+        let Some(run) = self.run.take() else { return };
+        if let Some((line, value)) = run
+            .rows
+            .first()
+            .filter(|_| run.is_sharp && run.rows.len() > CALM)
+            && self.jumps.len() < MAX_KEPT
+        {
+            self.jumps.push(Jump {
+                line: *line,
+                by: value - run.before,
+            });
+        }
+    }
+
+    /// The rows that are off, and the jumps for good, by far more than the regular changes of the position.
+    pub(super) fn finish(mut self, regular: f64) -> (Vec<OffRow>, Vec<Jump>) {
+        self.settle();
+        let least = MIN_REGULAR * regular;
+        self.found.retain(|row| row.jump > least);
+        self.jumps.retain(|jump| jump.by.abs() > least);
+        (self.found, self.jumps)
     }
 }
 
@@ -148,13 +193,23 @@ mod tests {
 
     /// The lines that are off in a swinging position, to whose row `k` the other is added.
     fn found(off: impl Fn(usize) -> f64) -> Vec<u64> {
+        let (found, _) = both(off);
+        found
+    }
+
+    /// The same, and the lines at which it jumps for good.
+    fn both(off: impl Fn(usize) -> f64) -> (Vec<u64>, Vec<u64>) {
         let mut finder = BurstFinder::default();
         for k in 0..2000_usize {
             let noise = (k * 7919 % 1009) as f64 / 1009.0 - 0.5;
             let value = (0.01 * k as f64).sin() + 1e-4 * noise + off(k);
-            finder.push(k as u64, value);
+            finder.push(k as u64, 0.01 * k as f64, value);
         }
-        finder.finish(0.01).map(|row| row.line).collect()
+        let (found, jumps) = finder.finish(0.01);
+        (
+            found.iter().map(|row| row.line).collect(),
+            jumps.iter().map(|jump| jump.line).collect(),
+        )
     }
 
     #[test]
@@ -176,7 +231,13 @@ mod tests {
             );
         }
         // an encoder that loses its count does not come back
-        assert_eq!(found(|k| if k > 600 { 2.0 } else { 0.0 }), [0; 0]);
+        for first in [600, 1300, 1990] {
+            let lost = |k: usize| if k < first { 0.0 } else { 2.0 };
+            assert_eq!(both(lost), (vec![], vec![first as u64]));
+        }
+        // a burst is no jump for good
+        let burst = |k: usize| if (900..940).contains(&k) { 2.0 } else { 0.0 };
+        assert_eq!(both(burst).1, [0; 0]);
         // a motion that starts from rest
         let start = |k: usize| {
             if k < 900 {
@@ -185,6 +246,6 @@ mod tests {
                 1e-5 * ((k - 900) as f64).powi(2)
             }
         };
-        assert_eq!(found(start), [0; 0]);
+        assert_eq!(both(start), (vec![], vec![]));
     }
 }

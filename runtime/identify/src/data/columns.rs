@@ -33,7 +33,7 @@ impl Quantity {
     }
 
     /// The coordinate of the quantity; `None` for the time.
-    pub(super) fn coordinate(&self) -> Option<&str> {
+    pub(crate) fn coordinate(&self) -> Option<&str> {
         match self {
             Self::Time => None,
             Self::Position(name)
@@ -56,7 +56,21 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// A user's assignment of a quantity to a column: `QUANTITY=COLUMN[:UNIT][*FACTOR]`.
+/// Where the values of a quantity come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ValuesFrom {
+    /// A column of the log.
+    #[default]
+    Column,
+    /// The user: a position that is the same throughout, which is the offset of its assignment.
+    Constant,
+    /// Nowhere: an effort that is not measured. The equations in which it acts are left out.
+    Unmeasured,
+}
+
+/// A user's assignment of a quantity to a column: `QUANTITY=COLUMN[:UNIT][*FACTOR]`, a position that is
+/// the same throughout: `COORDINATE=constant:VALUE[:UNIT]`, or an effort that is not measured:
+/// `tau_JOINT=unmeasured`.
 ///
 /// Quantities are `t`, a coordinate's name, or the name behind `qd_`, `qdd_` or `tau_`. Units
 /// are `s ms us rad deg m mm N Nm A` and the like; the factor is a torque constant (Eq. 30), a
@@ -64,7 +78,7 @@ impl fmt::Display for Quantity {
 /// needs one. The columns of a file without header are called by their numbers, from 1.
 ///
 /// ```
-/// use regen_identify::data::{Assignment, Quantity};
+/// use regen_identify::data::{Assignment, Quantity, ValuesFrom};
 ///
 /// let leg: Assignment = "q2=leg 1:mm".parse()?;
 /// assert_eq!(leg.quantity, Quantity::Position("q2".to_owned()));
@@ -75,13 +89,19 @@ impl fmt::Display for Quantity {
 /// let geared: Assignment = "q2=angle:deg*1/-48".parse()?;
 /// assert_eq!(geared.gain, Some(-1.0 / 48.0));
 /// assert!("q2".parse::<Assignment>().is_err());
+/// let held: Assignment = "q3=constant:90:deg".parse()?;
+/// assert_eq!((held.from, held.offset), (ValuesFrom::Constant, core::f64::consts::FRAC_PI_2));
+/// let unknown: Assignment = "tau_q3=unmeasured".parse()?;
+/// assert_eq!(unknown.from, ValuesFrom::Unmeasured);
 /// # Ok::<(), regen_identify::data::AssignmentError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assignment {
     /// The quantity that is in the column.
     pub quantity: Quantity,
-    /// The column's header.
+    /// Where its values come from.
+    pub from: ValuesFrom,
+    /// The column's header; of a quantity without a column the words that say so.
     pub column: String,
     /// The column's number, from 1, if it is found by number instead of by header. Numbers continue
     /// from one file to the next of those read side by side; the number of a time column is that
@@ -111,6 +131,7 @@ impl Assignment {
     pub fn new(quantity: Quantity, column: &str) -> Self {
         Self {
             quantity,
+            from: ValuesFrom::Column,
             column: column.to_owned(),
             number: None,
             factor: 1.0,
@@ -119,6 +140,41 @@ impl Assignment {
             gain: None,
             optional: false,
         }
+    }
+
+    /// The assignment of a position that is the same throughout, rad or m, or of an effort that is not
+    /// measured.
+    ///
+    /// # Errors
+    /// The reason in words for another quantity.
+    pub(crate) fn without_column(
+        quantity: Quantity,
+        value: Option<f64>,
+    ) -> Result<Self, &'static str> {
+        let (from, column) = match (value, &quantity) {
+            (Some(value), Quantity::Position(_)) => {
+                (ValuesFrom::Constant, format!("constant:{value}"))
+            }
+            (None, Quantity::Effort(_)) => (ValuesFrom::Unmeasured, "unmeasured".to_owned()),
+            (Some(_), Quantity::Effort(_)) => {
+                return Err("an effort that no column has is `unmeasured`");
+            }
+            (Some(_), _) => {
+                return Err(
+                    "only a position can be constant; its velocity and acceleration are 0 then",
+                );
+            }
+            (None, _) => {
+                return Err(
+                    "only an effort can be `unmeasured`; leave this key out, or give a constant",
+                );
+            }
+        };
+        Ok(Self {
+            from,
+            offset: value.unwrap_or(0.0),
+            ..Self::new(quantity, &column)
+        })
     }
 
     /// Whether the column is an effort given as a current, which needs the joint's torque constant.
@@ -178,6 +234,9 @@ impl FromStr for Assignment {
                  q1=angle1:deg or tau_q1=current1:A*0.12"
             )));
         };
+        if let Some(found) = without_column(quantity, rest) {
+            return found.map_err(|why| AssignmentError(format!("`{text}`: {why}")));
+        }
         // all text after a unit and `*` is the factor, which may be a product itself
         let (rest, factor) = match rest.rsplit_once(':') {
             Some((column, behind)) if behind.contains('*') => {
@@ -211,18 +270,7 @@ impl FromStr for Assignment {
                 (column, Some((*name, *size)))
             }
         };
-        let name = quantity.trim();
-        let quantity = if name == "t" {
-            Quantity::Time
-        } else if let Some(name) = name.strip_prefix("qdd_") {
-            Quantity::Acceleration(name.to_owned())
-        } else if let Some(name) = name.strip_prefix("qd_") {
-            Quantity::Velocity(name.to_owned())
-        } else if let Some(name) = name.strip_prefix("tau_") {
-            Quantity::Effort(name.to_owned())
-        } else {
-            Quantity::Position(name.to_owned())
-        };
+        let quantity = named(quantity);
         if let Some((unit, _)) = unit
             && !quantity.units().contains(&unit)
         {
@@ -238,4 +286,50 @@ impl FromStr for Assignment {
             ..Self::new(quantity, column.trim())
         })
     }
+}
+
+/// The quantity that a name in an assignment means.
+fn named(name: &str) -> Quantity {
+    let name = name.trim();
+    if name == "t" {
+        Quantity::Time
+    } else if let Some(name) = name.strip_prefix("qdd_") {
+        Quantity::Acceleration(name.to_owned())
+    } else if let Some(name) = name.strip_prefix("qd_") {
+        Quantity::Velocity(name.to_owned())
+    } else if let Some(name) = name.strip_prefix("tau_") {
+        Quantity::Effort(name.to_owned())
+    } else {
+        Quantity::Position(name.to_owned())
+    }
+}
+
+/// The assignment of a quantity without a column, or why it is none; `None` if the text names a column.
+fn without_column(quantity: &str, text: &str) -> Option<Result<Assignment, String>> {
+    let value = match text.trim().strip_prefix("constant:") {
+        Some(value) => Some(value),
+        None if text.trim() == "unmeasured" => None,
+        None => return None,
+    };
+    let quantity = named(quantity);
+    let in_si = |text: &str| -> Result<f64, String> {
+        let (number, unit) = match text.rsplit_once(':') {
+            None => (text, 1.0),
+            Some((number, unit)) => {
+                let known = UNITS.iter().find(|(name, _)| *name == unit.trim());
+                let known = known.filter(|(name, _)| quantity.units().contains(name));
+                let (_, size) = known.ok_or_else(|| {
+                    let all = quantity.units().join(" ");
+                    format!("`{unit}` is no unit of `{quantity}`: use one of {all}")
+                })?;
+                (number, *size)
+            }
+        };
+        let number = expression::evaluate(number.trim());
+        Ok(unit * number.map_err(|why| format!("the constant `{text}`: {why}"))?)
+    };
+    Some(value.map(in_si).transpose().and_then(|value| {
+        let found = Assignment::without_column(quantity.clone(), value);
+        found.map_err(str::to_owned)
+    }))
 }

@@ -194,7 +194,9 @@ impl<'a> JoinedRows<'a> {
     fn read(&mut self) -> Result<Option<Found>, DataError> {
         let channels = &self.file.layout.channels;
         let LogRow { line, values, .. } = &mut self.row;
-        values.fill(0.0);
+        for (value, channel) in values.iter_mut().zip(channels) {
+            *value = channel.unread();
+        }
         *line = 0;
         let mut fault = None;
         let mut lacking = false;

@@ -1,7 +1,7 @@
 //! Finds the columns of a run's files that contain times, positions, velocities, accelerations and
 //! efforts.
 
-use super::columns::{Assignment, Quantity};
+use super::columns::{Assignment, Quantity, ValuesFrom};
 use super::file_rows::{Table, shortened};
 use super::problem::DataError;
 use super::run::Join;
@@ -10,7 +10,7 @@ use regen_runtime::Info;
 /// The index of a column among those of all files of a run, and its conversion to SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Channel {
-    /// `None` for a time that is computed from the rate.
+    /// `None` for a time that is computed from the rate, and for a constant, which is the offset.
     pub(super) index: Option<usize>,
     pub(super) factor: f64,
     pub(super) offset: f64,
@@ -22,6 +22,8 @@ pub(super) struct Search<'a> {
     pub(super) assignments: &'a [Assignment],
     /// Whether the time is computed from the rate and not read.
     pub(super) by_rate: bool,
+    /// Whether each row is a pose at rest, whose time does not matter.
+    pub(super) poses: bool,
     /// Whether columns of velocities and accelerations are used.
     pub(super) rates: bool,
     pub(super) join: Join,
@@ -45,6 +47,8 @@ pub(super) struct ColumnLayout {
     pub(super) derivatives: bool,
     /// The number of efforts.
     pub(super) efforts: usize,
+    /// The efforts that are not measured, as indices into `Info::actuated`; their values are 0.
+    pub(super) unmeasured: Vec<usize>,
     /// The column of time of each file, if several files are joined by time.
     pub(super) times: Option<Vec<Channel>>,
 }
@@ -213,7 +217,7 @@ impl<'a> Finder<'a> {
         Ok(Some(index))
     }
 
-    fn given(&self, quantity: &Quantity) -> Option<&Assignment> {
+    pub(super) fn given(&self, quantity: &Quantity) -> Option<&Assignment> {
         let assignments = self.search.assignments.iter();
         assignments.into_iter().find(|a| a.quantity == *quantity)
     }
@@ -231,6 +235,9 @@ impl<'a> Finder<'a> {
         title: &str,
     ) -> Result<Option<Channel>, String> {
         if let Some(given) = given {
+            if given.from != ValuesFrom::Column {
+                return Ok(Some(Channel::constant(given.offset)));
+            }
             let index = match given.number {
                 Some(number) => place_of(number, self.header.len()),
                 None => self
@@ -279,6 +286,13 @@ impl<'a> Finder<'a> {
         let missing = || self.missing(&Quantity::Time, "time in s");
         let each: Option<Vec<Channel>> = self.tables.iter().map(|t| self.time_in(t)).collect();
         let several = self.tables.len() > 1;
+        if self.search.poses {
+            if self.search.join == Join::Time {
+                let why = "its files are to be joined by time, and no time is read of poses";
+                return Err(why.to_owned().into());
+            }
+            return Ok((Channel::constant(0.0), None));
+        }
         // in other files, the column with the same number may contain something else
         let named = self
             .given(&Quantity::Time)
@@ -331,6 +345,7 @@ impl<'a> Finder<'a> {
         Ok((first, None))
     }
 
+    /// The error that a quantity has no column.
     fn missing(&self, quantity: &Quantity, what: &str) -> Unfit {
         let all = listed(self.tables);
         let column = self.given(quantity).map_or_else(
@@ -341,7 +356,16 @@ impl<'a> Finder<'a> {
         Unfit {
             why: format!(
                 "there is no column `{column}` ({what}); there are: {all}. `regen inspect SPEC LOG --out \
-                 runs.yaml` proposes columns, or name it with"
+                 runs.yaml` proposes columns{}, or name it with",
+                match quantity {
+                    Quantity::Time =>
+                        ", rows that are poses at rest need none with `--poses`".to_owned(),
+                    Quantity::Effort(_) => format!(
+                        ", `--column {quantity}=unmeasured` leaves out the equations of an effort that was \
+                         not measured"
+                    ),
+                    _ => String::new(),
+                }
             ),
             assignment: Some(format!("{quantity}=COLUMN")),
         }
@@ -352,6 +376,23 @@ impl Channel {
     /// The SI value of a number in the file.
     pub(super) fn convert(self, number: f64) -> f64 {
         number * self.factor + self.offset
+    }
+
+    /// A quantity that is the same throughout, SI.
+    fn constant(value: f64) -> Self {
+        Self {
+            index: None,
+            factor: 1.0,
+            offset: value,
+        }
+    }
+
+    /// The value where no column is read.
+    pub(super) fn unread(self) -> f64 {
+        match self.index {
+            None => self.offset,
+            Some(_) => 0.0,
+        }
     }
 
     fn plain(index: usize) -> Self {
@@ -404,7 +445,9 @@ impl ColumnLayout {
             };
             measured.push(k);
             positions.push(position);
-            rates.push(if search.rates {
+            rates.push(if search.poses {
+                (Some(Channel::constant(0.0)), Some(Channel::constant(0.0)))
+            } else if position.index.is_some() && search.rates {
                 (
                     finder.find(&Quantity::Velocity((*name).to_owned()))?,
                     finder.find(&Quantity::Acceleration((*name).to_owned()))?,
@@ -416,7 +459,8 @@ impl ColumnLayout {
         if measured.len() < info.dof() {
             return Err(Unfit {
                 why: format!(
-                    "{} of {} positions that are needed; missing: {}; columns: {}. Name them with",
+                    "{} of {} positions that are needed; missing: {}; columns: {}. Give one that is the same \
+                     throughout as `COORDINATE=constant:VALUE`, and name the others with",
                     measured.len(),
                     info.dof(),
                     not_measured(info, &measured).join(" "),
@@ -424,6 +468,18 @@ impl ColumnLayout {
                 ),
                 assignment: Some("COORDINATE=COLUMN".to_owned()),
             });
+        }
+        // what is constant needs no differentiation where the others need none
+        let read = || {
+            let all = rates.iter().zip(&positions);
+            all.filter(|(_, position)| position.index.is_some())
+        };
+        if read().count() > 0 && read().all(|(own, _)| own.0.is_some() && own.1.is_some()) {
+            for (own, position) in rates.iter_mut().zip(&positions) {
+                if position.index.is_none() {
+                    *own = (Some(Channel::constant(0.0)), Some(Channel::constant(0.0)));
+                }
+            }
         }
         let mut channels = Vec::from([time]);
         channels.extend(positions);
@@ -435,9 +491,14 @@ impl ColumnLayout {
         };
         let velocities: Vec<Option<usize>> = rates.iter().map(|rate| entry(rate.0)).collect();
         let accelerations: Vec<Option<usize>> = rates.iter().map(|rate| entry(rate.1)).collect();
-        for &k in info.actuated {
+        let mut unmeasured = Vec::new();
+        for (place, &k) in info.actuated.iter().enumerate() {
             let name = info.coordinates.get(k).copied().unwrap_or_default();
             let effort = Quantity::Effort(name.to_owned());
+            let given = finder.given(&effort);
+            if given.is_some_and(|given| given.from == ValuesFrom::Unmeasured) {
+                unmeasured.push(place);
+            }
             let found = finder.find(&effort)?;
             channels.push(found.ok_or_else(|| finder.missing(&effort, "an effort"))?);
         }
@@ -467,6 +528,7 @@ impl ColumnLayout {
             velocities,
             accelerations,
             efforts: info.actuated.len(),
+            unmeasured,
             times,
             header: finder.header,
         })
@@ -475,6 +537,11 @@ impl ColumnLayout {
     /// The indices of the positions in a row.
     pub(super) fn positions(&self) -> core::ops::Range<usize> {
         1..1 + self.measured.len()
+    }
+
+    /// Whether the value of an entry is stated and not read.
+    pub(super) fn is_constant(&self, entry: usize) -> bool {
+        entry > 0 && self.channels.get(entry).is_some_and(|c| c.index.is_none())
     }
 
     /// The indices of the efforts in a row.

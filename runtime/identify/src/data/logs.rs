@@ -260,9 +260,12 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 all.into_iter().map(Differences::finish).collect()
             };
             let (encoders, velocity_noise) = (finish(differences), finish(of_velocities));
-            let constant = file.layout.measured.iter().zip(&encoders);
-            let constant = constant.filter(|(_, encoder)| encoder.still);
-            let still = constant.filter_map(|(c, _)| info.coordinates.get(*c));
+            // noise and rest are told by how a position goes on from row to row
+            let read = |entry: &usize| !(file.layout.is_constant(*entry) || settings.poses);
+            let entries = file.layout.positions().zip(&file.layout.measured);
+            let constant = entries.zip(&encoders);
+            let constant = constant.filter(|((entry, _), encoder)| encoder.still && read(entry));
+            let still = constant.filter_map(|((_, c), _)| info.coordinates.get(*c));
             let earlier = sketches.iter().zip(&reports);
             let repeats = earlier.filter_map(|(other, report): (&Sketch, &FileReport)| {
                 Some((report.file.clone(), sketch.part_in(other)?))
@@ -279,7 +282,11 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 step: survey.time_step(),
                 states: 0,
                 derivatives: file.layout.derivatives,
-                velocities: velocities.iter().all(Option::is_some) && series.is_none(),
+                velocities: velocities
+                    .iter()
+                    .zip(file.layout.positions())
+                    .all(|(v, entry)| v.is_some() || !read(&entry))
+                    && series.is_none(),
                 bridged,
                 spikes: if file.bridges_spikes() {
                     let one = |own: &Spikes| {
@@ -369,6 +376,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                 support: support(log, &self.settings)?,
                 sign_thresholds: sign_thresholds(log, &self.settings)?,
                 unmeasured: Unmeasured::all(self.model, measured)?,
+                left_out: vec![false; info.dof()],
                 delays: delays(&info, &self.settings),
                 rows: Stretch::default(),
                 weights: Vec::new(),

@@ -49,7 +49,7 @@ mod window;
 
 pub use bridge::Bridged;
 pub(crate) use columns::UNITS;
-pub use columns::{Assignment, AssignmentError, Quantity};
+pub use columns::{Assignment, AssignmentError, Quantity, ValuesFrom};
 pub use logs::{FileReport, Logs};
 pub(crate) use noise_levels::NoiseLevels;
 pub use policy::{Checks, Gaps, Policies, Policy};

@@ -56,6 +56,14 @@ pub enum Fault {
         /// By how much time goes back, s.
         step: f64,
     },
+    /// Positions jump at this row and do not come back, and a segment begins: an encoder lost its count, or
+    /// another run begins.
+    Jump {
+        /// The headers of the columns.
+        columns: Vec<String>,
+        /// The change of the first of them, in SI.
+        by: f64,
+    },
     /// The time step before this row is much longer than usual.
     Gap {
         /// The step before this row, s.
@@ -135,6 +143,16 @@ impl fmt::Display for Problem {
             Fault::Duplicate { time } => write!(f, "time {time} s is that of the row before"),
             Fault::Unsorted { time } => write!(f, "time {time} s is before the row before"),
             Fault::ClockBack { step } => write!(f, "the clock jumps back by {step:.6} s"),
+            Fault::Jump { columns, by } => {
+                let s = if columns.len() == 1 { "s" } else { "" };
+                write_columns(f, columns)?;
+                write!(
+                    f,
+                    " jump{s} by {by:.6} and do{es} not come back: an encoder lost its count, or another run \
+                     begins",
+                    es = if s.is_empty() { "" } else { "es" }
+                )
+            }
             Fault::Gap { step, usual } => {
                 write!(
                     f,
@@ -146,13 +164,7 @@ impl fmt::Display for Problem {
                 "an uneven step of {step:.6} s before it, the usual step is {usual:.6} s"
             ),
             Fault::Dropout { columns } => {
-                let named = columns.iter().take(MAX_NAMED_COLUMNS);
-                let named: Vec<String> = named.map(|c| format!("`{c}`")).collect();
-                let s = if columns.len() == 1 { "" } else { "s" };
-                write!(f, "column{s} {}", named.join(", "))?;
-                if let Some(more @ 1..) = columns.len().checked_sub(MAX_NAMED_COLUMNS) {
-                    write!(f, " and {more} more")?;
-                }
+                write_columns(f, columns)?;
                 write!(f, " as in the row before: a dropout")
             }
             Fault::Outlier {
@@ -186,6 +198,18 @@ impl fmt::Display for Problem {
             Fault::Open { why } => write!(f, "{why}"),
         }
     }
+}
+
+/// Names the first of some columns.
+fn write_columns(f: &mut fmt::Formatter<'_>, columns: &[String]) -> fmt::Result {
+    let named = columns.iter().take(MAX_NAMED_COLUMNS);
+    let named: Vec<String> = named.map(|c| format!("`{c}`")).collect();
+    let s = if columns.len() == 1 { "" } else { "s" };
+    write!(f, "column{s} {}", named.join(", "))?;
+    if let Some(more @ 1..) = columns.len().checked_sub(MAX_NAMED_COLUMNS) {
+        write!(f, " and {more} more")?;
+    }
+    Ok(())
 }
 
 impl Problem {
@@ -227,6 +251,7 @@ impl Fault {
             Self::Duplicate { .. } => "duplicate time",
             Self::Unsorted { .. } => "unsorted time",
             Self::ClockBack { .. } => "clock set back",
+            Self::Jump { .. } => "jump",
             Self::Gap { .. } => "gap",
             Self::Uneven { .. } => "uneven step",
             Self::Dropout { .. } => "dropout",
@@ -250,7 +275,7 @@ pub struct Problems {
 }
 
 /// The kinds of faults that leave out no row.
-const WITHOUT_ROWS: [&str; 3] = ["gap", "uneven step", "clock set back"];
+const WITHOUT_ROWS: [&str; 4] = ["gap", "uneven step", "clock set back", "jump"];
 /// The largest number of columns of a dropout that are named.
 const MAX_NAMED_COLUMNS: usize = 4;
 /// The largest number of problems that are listed one by one.
@@ -277,6 +302,12 @@ impl Problems {
         self.first.retain(|problem| problem.what.kind() != open);
         self.counts.extend(fresh.counts.iter().cloned());
         self.first.extend(fresh.first.iter().cloned());
+    }
+
+    /// Whether there are rows at whose states the loops do not close.
+    pub fn has_open(&self) -> bool {
+        let open = Fault::Open { why: String::new() }.kind();
+        self.counts.iter().any(|(kind, _)| kind == open)
     }
 
     /// The number of rows with problems, over all kinds.
@@ -371,7 +402,8 @@ pub enum DataError {
         file: String,
         /// The reason: a sentence that ends with the assignment.
         why: String,
-        /// The [`Assignment`](super::Assignment) that would help, in its text form.
+        /// The [`Assignment`](super::Assignment) that would help, in its text form; of several, one on each
+        /// line.
         assignment: String,
     },
     /// The file has faulty rows, under [`Policy::Fail`](super::Policy::Fail).
@@ -410,7 +442,7 @@ impl fmt::Display for DataError {
                 file,
                 why,
                 assignment,
-            } => write!(f, "{file}: {why} `{assignment}`"),
+            } => write!(f, "{file}: {why} `{}`", assignment.replace('\n', "`, `")),
             Self::Problems { file, problems } => write!(
                 f,
                 "{file}: {} {} cannot be used\n{problems}",

@@ -176,6 +176,15 @@ impl Rates {
                 assignment: Some(format!("t={clock}:{unit}")),
             });
         }
+        if let (Some(slope), false) = (common(&slopes), clock.is_empty()) {
+            return Some(Unfit {
+                why: format!(
+                    "all velocities are {slope:.3} times those of the positions: column `{clock}` is not in \
+                     s, or the rate of the rows is another one. Read it with"
+                ),
+                assignment: Some(format!("t={clock}*{}", figure(1.0 / slope))),
+            });
+        }
         for (k, pair) in pairs.iter().enumerate().take(m) {
             let Pair {
                 name,
@@ -204,19 +213,26 @@ impl Rates {
                 });
             }
             if own < MIN_CORRELATION {
+                // all velocities of the exchange at once, as one column is not read twice
+                let of = |k: usize| {
+                    let own = |j: &usize| moves(*j) && correlation(k, *j) > MIN_CORRELATION;
+                    (0..m).find(own).filter(|j| *j != k)
+                };
+                let exchanged = (0..m).filter_map(|k| {
+                    let (to, from) = (pairs.get(k)?, pairs.get(of(k)?)?);
+                    Some(format!("{prefix}{}={}", to.name, from.velocity))
+                });
                 let fits = |j: &usize| *j != k && moves(*j) && correlation(*j, k) > MIN_CORRELATION;
                 let other = (0..m).find(fits).and_then(|j| pairs.get(j));
                 return Some(match other {
                     Some(Pair {
-                        position: other,
-                        velocity: swapped,
-                        ..
+                        position: other, ..
                     }) => Unfit {
                         why: format!(
                             "{head}; it fits column `{other}`: these velocities are swapped, or \
-                             their positions. Read each of the two as the other, such as"
+                             their positions. Read each as the other, such as"
                         ),
-                        assignment: Some(format!("{prefix}{name}={swapped}")),
+                        assignment: Some(exchanged.collect::<Vec<_>>().join("\n")),
                     },
                     None => format!(
                         "{head}; at least {MIN_CORRELATION} is expected. Leave it out, or give \
@@ -254,10 +270,31 @@ const OF_POSITIONS: [(f64, &str, &str); 2] = [
     (1e-3, "millimetres", "mm"),
 ];
 
+/// The factor by which all velocities, of two positions at least, are too large, if no unit of theirs is why:
+/// then the clock is wrong.
+fn common(slopes: &[(usize, f64)]) -> Option<f64> {
+    let first = slopes.first().filter(|_| slopes.len() > 1)?.1;
+    let is_same = slopes
+        .iter()
+        .all(|(_, slope)| (slope / first - 1.0).abs() < COMMON_TOLERANCE);
+    let mut units = OF_VELOCITIES.iter().map(|own| own.0);
+    let mut others = OF_POSITIONS.iter().map(|own| own.0);
+    let is_unit = units.any(|size| is_near(first, size))
+        || others.any(|size| is_near(first, size))
+        || is_near(first, PER_SECOND);
+    let is_large = !(1.0 / MAX_RATIO..MAX_RATIO).contains(&first);
+    (is_same && is_large && !is_unit).then_some(first)
+}
+
 /// Whether a ratio is `size` up to [`RATIO_TOLERANCE`].
 fn is_near(slope: f64, size: f64) -> bool {
     (slope / size - 1.0).abs() < RATIO_TOLERANCE
 }
+
+/// The ratio of revolutions per second.
+const PER_SECOND: f64 = 0.159_154_943_091_895_35;
+/// Ratios of all velocities that differ by less than this part have one cause.
+const COMMON_TOLERANCE: f64 = 0.02;
 
 /// The mistake of a velocity that is `slope` times the rate of its position.
 fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {

@@ -110,6 +110,7 @@ impl RawLog {
                 accelerations: vec![None; count],
                 derivatives: false,
                 efforts: 0,
+                unmeasured: Vec::new(),
                 times: each,
             })
         });

@@ -51,6 +51,8 @@ pub(super) struct Survey {
     pub(super) spikes: Vec<Spikes>,
     /// For each measured position, the sizes of its changes between rows.
     pub(super) position_changes: Vec<PositionChanges>,
+    /// The rows at which positions jump for good, by their lines: the entries and the changes.
+    pub(super) jumps: BTreeMap<u64, Vec<(usize, f64)>>,
     /// The rows in which a position is that of a run of outliers, by their lines, with the entry.
     pub(super) off_rows: BTreeMap<u64, (usize, OffRow)>,
     /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
@@ -121,6 +123,8 @@ pub(super) struct LogFile {
     pub(super) tables: Vec<Table>,
     /// The rate of the rows, Hz, where there is no column of time.
     pub(super) rate: Option<f64>,
+    /// Whether each row is a pose of its own.
+    pub(super) poses: bool,
     /// The rate of the even grid that rows are interpolated onto, Hz.
     resample: Option<f64>,
     /// Which doubtful rows are used.
@@ -189,6 +193,7 @@ impl LogFile {
         let search = Search {
             assignments: &settings.columns,
             by_rate: settings.rate.is_some(),
+            poses: settings.poses,
             rates: settings.measured_rates.unwrap_or(true),
             join: run.join,
         };
@@ -202,7 +207,12 @@ impl LogFile {
             layout: found,
             run: run.clone(),
             tables,
-            rate: settings.rate,
+            rate: if settings.poses {
+                Some(1.0)
+            } else {
+                settings.rate
+            },
+            poses: settings.poses,
             resample: settings.resample,
             used_faults: settings.used_faults(),
             bridging: settings.bridging(),
@@ -227,6 +237,7 @@ impl LogFile {
         let velocities = positions.clone().zip(&self.layout.velocities);
         let with_rates: Vec<(usize, usize)> = velocities
             .filter_map(|(entry, v)| Some((entry, (*v)?)))
+            .filter(|(entry, _)| !self.layout.is_constant(*entry))
             .collect();
         let mut accelerations = Rates::default();
         let entries = self
@@ -237,6 +248,7 @@ impl LogFile {
         let with_accelerations: Vec<(usize, usize, usize)> = entries
             .enumerate()
             .filter_map(|(k, (v, a))| Some((k, (*v)?, (*a)?)))
+            .filter(|(_, v, _)| !self.layout.is_constant(*v))
             .collect();
         let mut rate_row = Vec::new();
         let mut last_time = None;
@@ -257,7 +269,7 @@ impl LogFile {
                 let time = row.values[0];
                 let (first, last) = range.unwrap_or((time, time));
                 range = Some((first.min(time), last.max(time)));
-                if last_time.is_none_or(|last| time <= last) {
+                if self.poses || last_time.is_none_or(|last| time <= last) {
                     histories.iter_mut().for_each(PositionHistory::pause);
                     bursts.iter_mut().for_each(BurstFinder::pause);
                     finder.pause();
@@ -273,7 +285,7 @@ impl LogFile {
                     history.push(row.line, *value);
                 }
                 for (burst, value) in bursts.iter_mut().zip(row_positions) {
-                    burst.push(row.line, *value);
+                    burst.push(row.line, time, *value);
                 }
                 if !with_rates.is_empty() {
                     rate_row.clear();
@@ -340,10 +352,14 @@ impl LogFile {
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());
         let mut off_rows = BTreeMap::new();
+        let mut jumps = BTreeMap::<u64, Vec<(usize, f64)>>::new();
         for ((history, burst), entry) in histories.into_iter().zip(bursts).zip(positions) {
             let (stretches, changes) = history.finish(entry);
-            let off = burst.finish(changes.regular);
-            off_rows.extend(off.map(|row| (row.line, (entry, row))));
+            let (off, own_jumps) = burst.finish(changes.regular);
+            off_rows.extend(off.into_iter().map(|row| (row.line, (entry, row))));
+            for jump in own_jumps {
+                jumps.entry(jump.line).or_default().push((entry, jump.by));
+            }
             position_changes.push(changes);
             for stretch in stretches {
                 stuck.entry(stretch.first).or_default().push(stretch);
@@ -382,6 +398,7 @@ impl LogFile {
             spikes,
             position_changes,
             off_rows,
+            jumps,
             doubted_rate,
             uncut,
         })
@@ -504,6 +521,10 @@ impl LogFile {
             let motion = 1..self.layout.efforts().start;
             let mut bridge = Bridge::new(bridging, survey.raw_step, motion);
             self.checked_rows(survey, problem, &mut |row, follows| {
+                // no motion leads across a jump
+                if survey.jumps.contains_key(&row.line) {
+                    bridge.divide(each)?;
+                }
                 bridge.push(row, follows, each)
             })?;
             return bridge.finish(each);

@@ -16,6 +16,8 @@ const OUTLIER_CHANGES: f64 = 30.0;
 /// How far a position may be from the median of those around it, in steps of the encoder's
 /// resolution: a joint at rest on the border of two steps changes between both.
 const OUTLIER_ENCODER_STEPS: f64 = 2.0;
+/// The same in standard deviations of its noise: of ten million rows, noise brings none so far away.
+const OUTLIER_DEVIATIONS: f64 = 8.0;
 /// Number of consecutive rows at its smallest or largest value from which on an effort counts as
 /// saturated.
 const SATURATED_ROWS: usize = 4;
@@ -192,6 +194,16 @@ impl<'a> RowChecker<'a> {
                 }
             }
         }
+        if let Some(jumps) = self.survey.jumps.get(&row.line)
+            && let Some((_, by)) = jumps.first()
+        {
+            follows = false;
+            let columns = jumps.iter().map(|(entry, _)| self.layout.title(*entry));
+            report(Fault::Jump {
+                columns: columns.collect(),
+                by: *by,
+            });
+        }
         for stuck in self.survey.stuck.get(&row.line).into_iter().flatten() {
             if !self.used_faults.stuck {
                 self.stuck_until = self.stuck_until.max(stuck.last);
@@ -316,11 +328,14 @@ impl<'a> RowChecker<'a> {
             for (change, pair) in changes.iter_mut().zip(values.windows(2)) {
                 *change = (pair[1] - pair[0]).abs();
             }
-            // changes as large as regular ones elsewhere in the log, or as a few encoder steps,
-            // are allowed too
+            // changes as large as regular ones elsewhere in the log, or as a few encoder steps or
+            // deviations of its noise, are allowed too
             let log_changes = self.survey.position_changes.get(entry - first);
-            let allowed =
-                log_changes.map_or(0.0, |c| (OUTLIER_ENCODER_STEPS * c.encoder).max(c.regular));
+            let allowed = log_changes.map_or(0.0, |c| {
+                (OUTLIER_ENCODER_STEPS * c.encoder)
+                    .max(c.regular)
+                    .max(OUTLIER_DEVIATIONS * c.noise)
+            });
             // no value is farther from the median than from all others, and no median is below
             // the smallest change: nearly all rows are judged so, without sorting
             let least = changes.iter().copied().fold(f64::INFINITY, f64::min);

@@ -38,9 +38,16 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         };
         let mut out = Sample {
             measured: log.file.layout.measured.clone(),
+            unmeasured: log.file.layout.unmeasured.clone(),
+            titles: log.file.layout.header.clone(),
             time_column: log.file.layout.time_column().map(str::to_owned),
             doubted_rate: log.survey.doubted_rate.clone(),
-            step: log.survey.time_step(),
+            // the times of poses are not those of a clock
+            step: if self.settings.poses {
+                0.0
+            } else {
+                log.survey.time_step()
+            },
             whole: rows / self.settings.decimation.max(1),
             ..Sample::default()
         };

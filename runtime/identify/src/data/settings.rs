@@ -19,6 +19,9 @@ pub struct Settings {
     pub topic: Option<String>,
     /// The episode of files of LeRobot that is read, in place of those of the runs.
     pub episode: Option<u64>,
+    /// Whether each row is a pose at rest, with efforts that were averaged there: no time is read,
+    /// velocities and accelerations are 0, and rows that differ much from their neighbours are no faults.
+    pub poses: bool,
     /// The rate of the rows, Hz, where no column has their time: the first row of a file is at 0.
     pub rate: Option<f64>,
     /// The rate of an even grid of times, Hz, onto which the rows are interpolated.
@@ -66,6 +69,7 @@ impl Default for Settings {
             format: Format::default(),
             topic: None,
             episode: None,
+            poses: false,
             rate: None,
             resample: None,
             measured_rates: None,
@@ -133,7 +137,7 @@ impl Settings {
     /// How gaps and dropouts are bridged; `None` if the log is divided at all of them. The rows of
     /// several periods are averaged instead.
     pub(super) fn bridging(&self) -> Option<Bridging> {
-        let bridges = self.checks.gaps == Gaps::Bridge && self.period.is_none();
+        let bridges = self.checks.gaps == Gaps::Bridge && self.period.is_none() && !self.poses;
         Bridging::of(self.method, self.resample.is_none()).filter(|_| bridges)
     }
 

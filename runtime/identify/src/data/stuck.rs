@@ -43,6 +43,9 @@ const WHOLE_STEP_TOLERANCE: f64 = 0.1;
 /// The quantile of the changes up to which they count as regular. It is also the least fraction of
 /// changes that must be whole multiples of the encoder's step.
 const REGULAR_QUANTILE: f64 = 0.9;
+/// The median of the differences of second order of white noise, over its standard deviation: sqrt(6) times that of
+/// the absolute value of a normal variable.
+const BEND_OF_NOISE: f64 = 1.652;
 
 /// Sizes of the changes of a position between rows, rad or m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -54,11 +57,13 @@ pub(super) struct PositionChanges {
     pub(super) regular: f64,
     /// The median of the changes, without those that are 0 or rounding.
     usual: f64,
+    /// The standard deviation of noise with the differences of second order of the position.
+    pub(super) noise: f64,
 }
 
 impl PositionChanges {
-    /// The statistics of the absolute values of changes, none of them 0.
-    fn of(changes: &[f64]) -> Self {
+    /// The statistics of the absolute values of changes, none of them 0, and of those of their differences.
+    fn of(changes: &[f64], bends: &[f64]) -> Self {
         let mut sorted = changes.to_vec();
         sorted.sort_by(f64::total_cmp);
         let repeats = |k: &usize| {
@@ -76,6 +81,11 @@ impl PositionChanges {
                 0.0
             } else {
                 super::problem::median(&sorted)
+            },
+            noise: if bends.is_empty() {
+                0.0
+            } else {
+                super::problem::median(bends) / BEND_OF_NOISE
             },
         }
     }
@@ -116,6 +126,8 @@ pub(super) struct PositionHistory {
     speed: f64,
     /// The absolute values of the changes, for the statistics.
     changes: Vec<f64>,
+    /// Those of the differences of changes.
+    bends: Vec<f64>,
     stretches: Vec<RepeatedRows>,
     /// Whether the last row ended a stretch by a jump, so that the next change is stored in
     /// [`RepeatedRows::next`].
@@ -168,6 +180,8 @@ impl PositionHistory {
             self.close(Some(change.abs()));
             if moved && self.changes.len() < MAX_CHANGES {
                 self.changes.push(change.abs());
+                let last = self.recent[SPEED_CHANGES - 1];
+                self.bends.push((change - last).abs());
             }
         }
         self.recent.rotate_left(1);
@@ -201,7 +215,7 @@ impl PositionHistory {
     /// statistics of its changes.
     pub(super) fn finish(mut self, entry: usize) -> (Vec<Stuck>, PositionChanges) {
         self.pause();
-        let changes = PositionChanges::of(&self.changes);
+        let changes = PositionChanges::of(&self.changes, &self.bends);
         let lost = MIN_JUMP * changes.usual.max(changes.encoder);
         let mut out = vec![];
         for stretch in &self.stretches {

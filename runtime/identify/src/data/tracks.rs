@@ -1,7 +1,7 @@
 //! The columns of a run as they are, for estimators that simulate: positions, velocities, commands
 //! and efforts, none of them differentiated or filtered.
 
-use super::columns::{Assignment, Quantity};
+use super::columns::{Assignment, Quantity, ValuesFrom};
 use super::file_rows::Table;
 use super::layout::{ColumnLayout, Finder, Search, Unfit};
 use super::logs::{FileReport, signal};
@@ -61,6 +61,13 @@ pub fn tracks(
     settings: &Settings,
     commands: &[Assignment],
 ) -> Result<(Vec<Track>, FileReport), DataError> {
+    if settings.poses {
+        return Err(DataError::ColumnLayout {
+            file: run.to_string(),
+            why: "poses at rest have no motion that could be followed: leave out `--poses`"
+                .to_owned(),
+        });
+    }
     let mut places = Places::default();
     let mut file = LogFile::with(run, settings, |tables, search| {
         let (layout, found) = layout(tables, info, search, commands)?;
@@ -177,7 +184,9 @@ fn layout(
                 let given = commands.iter().find(|a| a.quantity == quantity);
                 finder.find_as(given, &format!("cmd_{quantity}"))?
             } else {
-                finder.find(&quantity)?
+                let given = finder.given(&quantity);
+                let measured = given.is_none_or(|own| own.from != ValuesFrom::Unmeasured);
+                finder.find(&quantity)?.filter(|_| measured)
             };
             if let Some(channel) = found {
                 channels.push(channel);
@@ -206,6 +215,7 @@ fn layout(
         channels,
         derivatives: false,
         efforts: places.efforts.len(),
+        unmeasured: Vec::new(),
         times,
         header: finder.header,
     };

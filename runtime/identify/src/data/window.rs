@@ -42,6 +42,8 @@ pub(super) struct Window<'a, 'm, M: ?Sized> {
     pub(super) sign_thresholds: Vec<f64>,
     /// The coordinates that follow measured ones by constant factors.
     pub(super) unmeasured: Vec<Unmeasured>,
+    /// The equations in which an effort acts that is not measured.
+    pub(super) left_out: Vec<bool>,
     /// The delay of each actuated joint's effort, s.
     pub(super) delays: Vec<f64>,
     pub(super) rows: Stretch,
@@ -184,9 +186,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {
             let positions = self.rows.column(entry);
             // a joint that creeps has a velocity, but not the friction of sliding
-            // A filter gives a position that does not change no velocity by itself; beside such a rest
-            // its output is that of the motion that begins, and zeros there would bias the inertia.
-            if self.settings.method.smoothing().is_none() {
+            // A filter gives a position that does not change no velocity by itself, and so does a series; beside
+            // such a rest its output is that of the motion that begins, and zeros there would bias the inertia.
+            if self.settings.method.smoothing().is_none() && self.log.series.is_none() {
                 let unmoved = resting(times, positions, encoder.without_creep());
                 for (k, unmoved) in unmoved.into_iter().enumerate() {
                     if unmoved {
@@ -195,6 +197,12 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 }
             }
             let mut rests = resting(times, positions, *encoder);
+            if self.settings.poses {
+                // what friction there is at rest was averaged out
+                rests.fill(false);
+                still.push(rests);
+                continue;
+            }
             let slowest = self
                 .sign_thresholds
                 .get(still.len())
@@ -285,7 +293,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         (efforts, held): (&[Vec<f64>], &[Vec<f64>]),
         (still, bridged): (&[Vec<bool>], &[bool]),
     ) -> Result<(), DataError> {
+        let before = self.completion.given_up();
         let states = self.completion.complete_many(motion, samples)?;
+        let given_up = self.completion.given_up() > before;
         let reversals: Vec<(usize, f64, f64)> = self
             .unmeasured
             .iter()
@@ -320,6 +330,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             &mut tau,
             &mut pivots,
         )?;
+        self.leave_out(&q, count)?;
         // the weight of an effort applies to the equation of the same coordinate
         let place = |c: &usize| info.actuated.iter().position(|a| a == c);
         let places: Vec<Option<usize>> = info.independent.iter().map(place).collect();
@@ -332,7 +343,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             match states.outcomes[at] {
                 Completeness::Closed => {}
                 Completeness::Open(outcome) => {
-                    self.skip(k, &outcome);
+                    self.skip(k, &outcome, given_up);
                     continue;
                 }
                 Completeness::Unmeasured => {
@@ -346,7 +357,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             }
             let condition = Condition { pivot: pivots[at] };
             if condition.status() == Status::Singular {
-                self.skip(k, &Outcome::Singular { at: 1.0, condition });
+                self.skip(k, &Outcome::Singular { at: 1.0, condition }, false);
                 continue;
             }
             for (slot, effort) in own.iter_mut().zip(efforts) {
@@ -359,9 +370,10 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 *slot = series[at];
             }
             let given = self.weights[k].as_ref();
-            for (weight, place) in weights.iter_mut().zip(&places) {
+            let equations = places.iter().zip(&self.left_out);
+            for (weight, (place, left_out)) in weights.iter_mut().zip(equations) {
                 let own = given.zip(*place).and_then(|(w, p)| w.get(p).copied());
-                *weight = own.unwrap_or(1.0);
+                *weight = if *left_out { 0.0 } else { own.unwrap_or(1.0) };
             }
             // a coordinate that is not measured rests when all measured ones do
             rests.fill(still.iter().all(|rests| rests[k]));
@@ -392,9 +404,64 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         Ok(())
     }
 
-    fn skip(&mut self, k: usize, outcome: &Outcome) {
+    /// Finds the equations in which an effort acts that is not measured, at these states.
+    ///
+    /// - `q`: their coordinates, one series for each.
+    fn leave_out(&mut self, q: &[f64], count: usize) -> Result<(), DataError> {
+        let layout = &self.log.file.layout;
+        let info = self.model.info();
+        for effort in &layout.unmeasured {
+            let mut unit = vec![0.0; info.actuated.len() * count];
+            let own = unit.iter_mut().skip(effort * count).take(count);
+            own.for_each(|x| *x = 1.0);
+            let mut tau = vec![0.0; info.dof() * count];
+            let arguments = Arguments {
+                q,
+                tau_actuated: &unit,
+                ..Arguments::EMPTY
+            };
+            let function = Function::GeneralizedForces;
+            let mut pivots = vec![1.0; count];
+            eval_many(
+                self.model,
+                function,
+                count,
+                arguments,
+                &mut tau,
+                &mut pivots,
+            )?;
+            let equations = self.left_out.iter_mut().zip(tau.chunks_exact(count));
+            for (left_out, series) in equations {
+                // where the loops do not close there are no numbers
+                *left_out |= series.iter().any(|t| t.is_finite() && *t != 0.0);
+            }
+        }
+        if !self.left_out.contains(&false) && !layout.unmeasured.is_empty() {
+            let name = |k: &usize| {
+                let own = info.actuated.get(*k).and_then(|c| info.coordinates.get(*c));
+                format!("tau_{}", own.copied().unwrap_or_default())
+            };
+            let names: Vec<String> = layout.unmeasured.iter().map(name).collect();
+            return Err(DataError::ColumnLayout {
+                file: self.log.file.name.clone(),
+                why: format!(
+                    "every equation contains an effort that is not measured ({}): measure it, or \
+                     choose independent coordinates in the spec on which it does not act",
+                    names.join(", ")
+                ),
+            });
+        }
+        Ok(())
+    }
+
+    /// - `given_up`: whether the search for a state of the same samples was ended early.
+    fn skip(&mut self, k: usize, outcome: &Outcome, given_up: bool) {
         self.follows = false;
         let why = match outcome {
+            Outcome::NotClosed { at, .. } if given_up && *at < 1.0 => {
+                "the loops were not followed so far, as too many rows took long searches that failed: \
+                 positions contradict each other or jump"
+            }
             Outcome::NotClosed { .. } => "the loops cannot be closed there",
             Outcome::Singular { .. } => "the robot is singular there",
             _ => "the assembly branch is lost there",

@@ -9,7 +9,7 @@ use super::factor::size;
 use super::noise::cholesky;
 use super::scores::Block;
 use super::solution::inverse_gram;
-use super::{Blocks, Estimate, EstimateError, QrFactor};
+use super::{Blocks, Estimate, EstimateError, LogErrors, QrFactor};
 
 /// The largest number of cosines.
 const MAX_COSINES: usize = 32;
@@ -96,6 +96,21 @@ impl Deviations {
             between: None,
             within_runs: Vec::new(),
             root: root_of(&estimate.covariance, n),
+        }
+    }
+
+    /// The deviations of an estimate whose errors are known from its logs.
+    pub(crate) fn of_logs(errors: &LogErrors) -> Self {
+        let n = errors.degrees_of_freedom.len();
+        Self {
+            covariance: errors.covariance.clone(),
+            degrees_of_freedom: errors.degrees_of_freedom.clone(),
+            terms: errors.terms,
+            samples: errors.samples,
+            memory: errors.memory,
+            between: None,
+            within_runs: Vec::new(),
+            root: root_of(&errors.covariance, n),
         }
     }
 

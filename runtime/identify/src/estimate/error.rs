@@ -126,7 +126,7 @@ impl fmt::Display for EstimateError {
                 f,
                 "the data determine {rank} of {parameters} parameters (reciprocal condition \
                  {reciprocal_condition:.1e}); undetermined: {}. Excite these by another \
-                 trajectory, or leave them out",
+                 trajectory, or leave them out by `base: {{drop: [LABEL, ...]}}` in the spec",
                 labels.join(", ")
             ),
             Self::NoConvergence => f.write_str("the singular values were not found"),

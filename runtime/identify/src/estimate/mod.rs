@@ -29,7 +29,7 @@ pub use residuals::{Autocorrelated, EffortError, Residuals, average_relative_err
 pub(crate) use row_block::RowBlock;
 pub(crate) use scores::changed_by;
 pub use scores::{BLOCKS, Blocks, Scores};
-pub use set::{Accumulator, FactorSet, FileError, Origin};
+pub use set::{Accumulator, FactorSet, FileError, LogErrors, Origin};
 pub use solution::{EffortFit, Estimate, Weighting};
 pub(crate) use solution::{quantile, weights_from};
 pub use spectrum::{RANK_TOLERANCE, Spectrum};

@@ -40,6 +40,10 @@ const MIN_WHITE_PROBABILITY: f64 = 0.01;
 /// An effort counts as explained when the root mean square of its residuals is at most this
 /// percentage of that of the effort.
 const MAX_EXPLAINED_RMS_PERCENT: f64 = 50.0;
+/// Residuals whose autocorrelations at the first [`SLOW_LAGS`] lags have a larger mean are slower than
+/// filtered noise.
+const MIN_SLOW_AUTOCORRELATION: f64 = 0.7;
+const SLOW_LAGS: usize = 5;
 
 impl EffortError {
     /// Whether the residuals are correlated in time; `None` where too few of them are known.
@@ -68,7 +72,15 @@ impl EffortError {
     /// assert_eq!(error.is_correlated(), Some(true));
     /// ```
     pub fn is_explained(&self) -> bool {
-        self.relative_rms <= MAX_EXPLAINED_RMS_PERCENT
+        self.relative_rms <= MAX_EXPLAINED_RMS_PERCENT && !self.misses_change()
+    }
+
+    /// Whether most of the change of the effort is left, and so slowly that it is no noise: a constant, such
+    /// as a weight, makes the residuals small beside the effort, and explains nothing of its change.
+    pub fn misses_change(&self) -> bool {
+        let first = self.autocorrelation.iter().take(SLOW_LAGS);
+        let mean = first.sum::<f64>() / SLOW_LAGS as f64;
+        self.relative_absolute > MAX_EXPLAINED_RMS_PERCENT && mean > MIN_SLOW_AUTOCORRELATION
     }
 }
 

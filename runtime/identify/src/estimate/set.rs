@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::factor::size;
 use super::row_block::RowBlock;
+use super::solution::inverse_gram;
 use super::{EstimateError, QrFactor};
 
 /// The version of the file format.
@@ -33,6 +34,183 @@ pub struct FactorSet {
     /// Sum of each effort over its rows, N or N m, from which its mean is computed.
     sums: Vec<f64>,
     factors: Vec<QrFactor>,
+    /// What the logs tell of the errors of their estimate; `None` where they determine none, or do not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    errors: Option<LogErrors>,
+}
+
+/// The errors of the estimate from logs, which factors do not know: the order of the rows in time is gone, and so
+/// is the noise of the motion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LogErrors {
+    /// The weight of each effort that the estimate is of, 1/N or 1/(N m).
+    pub weights: Vec<f64>,
+    /// The covariance of the n parameters, n x n, symmetric, column-major; in a file its columns down from the
+    /// diagonal.
+    #[serde(with = "lower")]
+    pub covariance: Vec<f64>,
+    /// The degrees of freedom of each parameter's deviation.
+    pub degrees_of_freedom: Vec<f64>,
+    /// What is added to each parameter, since noise of the motion biases it.
+    pub correction: Vec<f64>,
+    /// What noise of the motion and delays move of each parameter, in its unit, see
+    /// [`Intervals::bias`](crate::model::Intervals::bias).
+    pub bias: Vec<f64>,
+    /// The number of cosines, see [`Deviations::terms`](super::Deviations::terms).
+    pub terms: usize,
+    /// The number of samples.
+    pub samples: usize,
+    /// The number of samples that carry as much information as one independent sample.
+    pub memory: f64,
+}
+
+impl LogErrors {
+    fn fits(&self, parameters: usize, efforts: usize) -> bool {
+        self.covariance.len() == parameters * parameters
+            && self.weights.len() == efforts
+            && [&self.degrees_of_freedom, &self.correction, &self.bias]
+                .iter()
+                .all(|own| own.len() == parameters)
+    }
+
+    fn sigma(&self, parameter: usize) -> f64 {
+        let n = self.bias.len();
+        let variance = self.covariance.get(parameter * n + parameter);
+        variance.map_or(f64::NAN, |v| v.sqrt())
+    }
+
+    /// The errors of the estimate from the logs of two sets, whose noises are independent; `None` where the equations
+    /// of both are singular.
+    fn of_both(a: (&FactorSet, &Self), b: (&FactorSet, &Self)) -> Option<Self> {
+        let n = a.1.bias.len();
+        let rows = |set: &FactorSet, effort: usize| {
+            set.factors.get(effort).map_or(0, QrFactor::rows) as f64
+        };
+        let pairs = a.1.weights.iter().zip(&b.1.weights).enumerate();
+        let weights: Vec<f64> = pairs
+            .map(|(k, (x, y))| {
+                let (of_a, of_b) = (rows(a.0, k), rows(b.0, k));
+                ((of_a + of_b) / (of_a / (x * x) + of_b / (y * y))).sqrt()
+            })
+            .collect();
+        let mut whole = a.0.combined(&weights).ok()?;
+        let grams = [gram(&whole), gram(&b.0.combined(&weights).ok()?)];
+        whole.merge(&b.0.combined(&weights).ok()?).ok()?;
+        let inverse = inverse_gram(&whole)?;
+        let (mut covariance, mut correction) = (vec![0.0; n * n], vec![0.0; n]);
+        let (mut variances, mut fourths) = (vec![0.0; n], vec![0.0; n]);
+        for (own, gram) in [a.1, b.1].into_iter().zip(&grams) {
+            // how the estimate from both moves with the one from these logs
+            let map = product(&inverse, gram, n);
+            let part = product(&product(&map, &own.covariance, n), &transposed(&map, n), n);
+            for (k, freedom) in own.degrees_of_freedom.iter().enumerate() {
+                let variance = part.get(k * n + k).copied().unwrap_or(0.0);
+                variances[k] += variance;
+                fourths[k] += variance * variance / freedom;
+            }
+            for (sum, x) in covariance.iter_mut().zip(part) {
+                *sum += x;
+            }
+            for (row, sum) in correction.iter_mut().enumerate() {
+                let column = own.correction.iter().enumerate();
+                *sum += column.map(|(k, x)| map[k * n + row] * x).sum::<f64>();
+            }
+        }
+        let samples = a.1.samples + b.1.samples;
+        let memory = |own: &Self| own.memory * own.samples as f64;
+        let mut out = Self {
+            weights,
+            covariance,
+            // Welch and Satterthwaite
+            degrees_of_freedom: (variances.iter().zip(&fourths))
+                .map(|(v, f)| {
+                    if *f > 0.0 {
+                        v * v / f
+                    } else {
+                        f64::from(u32::MAX)
+                    }
+                })
+                .collect(),
+            correction,
+            bias: Vec::new(),
+            terms: a.1.terms + b.1.terms,
+            samples,
+            memory: (memory(a.1) + memory(b.1)) / samples.max(1) as f64,
+        };
+        out.bias = vec![0.0; n];
+        // the same noise biases both
+        out.bias = (0..n)
+            .map(|k| {
+                let part = |own: &Self| own.bias.get(k).map_or(0.0, |x| x / own.sigma(k));
+                out.sigma(k) * part(a.1).max(part(b.1))
+            })
+            .collect();
+        Some(out)
+    }
+}
+
+/// Symmetric matrices in files: the columns down from the diagonal.
+mod lower {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(matrix: &[f64], to: S) -> Result<S::Ok, S::Error> {
+        let n = matrix.len().isqrt();
+        let columns = matrix.chunks_exact(n.max(1)).enumerate();
+        let below: Vec<f64> = columns
+            .flat_map(|(k, column)| column.iter().skip(k).copied())
+            .collect();
+        below.serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {
+        let below = Vec::<f64>::deserialize(from)?;
+        let n = ((8 * below.len() + 1).isqrt() - 1) / 2;
+        let mut matrix = vec![0.0; n * n];
+        let places = (0..n).flat_map(|k| (k..n).map(move |row| (k, row)));
+        for ((k, row), value) in places.zip(&below) {
+            for place in [k * n + row, row * n + k] {
+                if let Some(entry) = matrix.get_mut(place) {
+                    *entry = *value;
+                }
+            }
+        }
+        Ok(matrix)
+    }
+}
+
+/// The Gram matrix of a factor's rows, n x n, column-major.
+fn gram(factor: &QrFactor) -> Vec<f64> {
+    let n = factor.columns();
+    let r = factor.r();
+    let column = |k: usize| r.get(k * n..(k + 1) * n).unwrap_or_default();
+    let entry = |k: usize| {
+        let pairs = column(k % n).iter().zip(column(k / n));
+        pairs.map(|(x, y)| x * y).sum()
+    };
+    (0..n * n).map(entry).collect()
+}
+
+/// The product of two matrices, n x n, column-major.
+fn product(left: &[f64], right: &[f64], n: usize) -> Vec<f64> {
+    let mut out = vec![0.0; n * n];
+    for (sums, column) in out
+        .chunks_exact_mut(n.max(1))
+        .zip(right.chunks_exact(n.max(1)))
+    {
+        for (own, factor) in left.chunks_exact(n.max(1)).zip(column) {
+            for (sum, x) in sums.iter_mut().zip(own) {
+                *sum += x * factor;
+            }
+        }
+    }
+    out
+}
+
+/// A matrix with rows for columns, n x n.
+fn transposed(matrix: &[f64], n: usize) -> Vec<f64> {
+    let entry = |k: usize| matrix.get(k % n * n + k / n).copied().unwrap_or(0.0);
+    (0..n * n).map(entry).collect()
 }
 
 /// The robot, model and kind of equations that a [`FactorSet`] was made from: sets whose origins
@@ -63,7 +241,37 @@ impl FactorSet {
             efforts: origin.efforts.clone(),
             sums: vec![0.0; origin.efforts.len()],
             factors: vec![QrFactor::new(origin.labels.clone()); origin.efforts.len()],
+            errors: None,
         }
+    }
+
+    /// The errors of the estimate from the logs of the set; `None` where they are not known.
+    pub fn errors(&self) -> Option<&LogErrors> {
+        self.errors.as_ref()
+    }
+
+    /// The set with the errors of the estimate from its logs.
+    ///
+    /// # Errors
+    /// When their sizes are not those of the set.
+    pub fn with_errors(self, errors: Option<LogErrors>) -> Result<Self, EstimateError> {
+        if let Some(own) = &errors
+            && !own.fits(self.labels().len(), self.efforts.len())
+        {
+            size("errors", self.labels().len(), own.bias.len())?;
+            size("weights", self.efforts.len(), own.weights.len())?;
+            size(
+                "covariance",
+                self.labels().len().pow(2),
+                own.covariance.len(),
+            )?;
+        }
+        Ok(Self { errors, ..self })
+    }
+
+    /// Whether there are no rows.
+    fn is_empty(&self) -> bool {
+        self.factors.iter().all(|own| own.rows() == 0)
     }
 
     /// The factors, one for each effort.
@@ -95,6 +303,12 @@ impl FactorSet {
             same(what, left, right)?;
         }
         same("efforts", &self.efforts.join(" "), &other.efforts.join(" "))?;
+        self.errors = match (&self.errors, &other.errors) {
+            (Some(a), Some(b)) => LogErrors::of_both((self, a), (other, b)),
+            (own, None) if other.is_empty() => own.clone(),
+            (None, other) if self.is_empty() => other.clone(),
+            _ => None,
+        };
         for (sum, more) in self.sums.iter_mut().zip(&other.sums) {
             *sum += more;
         }
@@ -188,6 +402,12 @@ impl FactorSet {
             }
         }
         let labels = set.labels();
+        let errors = set.errors.as_ref();
+        if errors.is_some_and(|own| !own.fits(labels.len(), set.efforts.len())) {
+            return Err(FileError(
+                "has errors of other parameters or efforts".to_owned(),
+            ));
+        }
         let fits = set.factors.len() == set.efforts.len()
             && set.sums.len() == set.efforts.len()
             && set.factors.iter().all(|f| f.labels() == labels);

@@ -217,6 +217,18 @@ fn one(
         }
         return;
     };
+    let stated = (node.get("constant"), node.text() == Some("unmeasured"));
+    if stated.0.is_some() || stated.1 {
+        without_column(node, (kind, kinds), &found, path, sink, out);
+        return;
+    }
+    if node.get("column").is_none() && !node.entries().is_empty() {
+        let message = "a column lacks the key 'column'".to_owned();
+        let remedy =
+            "its name or its number; a position that is the same throughout has `constant`";
+        sink.push(node.at, path, message, remedy);
+        return;
+    }
     let place = node.get("column").unwrap_or(node);
     let Some(column) = column(place) else { return };
     let unit_fits = fits(kind, &found, node, path, sink);
@@ -265,6 +277,56 @@ fn one(
             gain,
             ..base
         });
+    }
+}
+
+/// Adds the assignments of a key whose quantities have no column: constants, or efforts that are not
+/// measured.
+fn without_column(
+    node: &Node,
+    (kind, kinds): (QuantityKind, &[QuantityKind]),
+    found: &[(String, String)],
+    path: &str,
+    sink: &mut Sink,
+    out: &mut Columns,
+) {
+    if kinds.len() < QUANTITY_KINDS.len() {
+        let message = "a command is in a column".to_owned();
+        sink.push(node.at, path, message, "name its column");
+        return;
+    }
+    for key in ["column", "factor", "offset", "gain"] {
+        if let Some(other) = node.get(key) {
+            let message = format!("a constant has no '{key}'");
+            sink.push(
+                other.at,
+                &below(path, key),
+                message,
+                "leave one of both out",
+            );
+            return;
+        }
+    }
+    if !fits(kind, found, node, path, sink) {
+        return;
+    }
+    let unit = node.get("unit").and_then(Node::text).and_then(unit);
+    let path_of = below(path, "constant");
+    let Some(values) = per_coordinate(node.get("constant"), found.len(), &path_of, sink) else {
+        return;
+    };
+    for ((name, _), value) in found.iter().zip(values) {
+        let value = match value {
+            Entry::Value(value) => Some(unit.map_or(1.0, |unit| unit.1) * value),
+            _ => None,
+        };
+        match Assignment::without_column(kind.of(name), value) {
+            Ok(assignment) => out.assignments.push(assignment),
+            Err(why) => {
+                sink.push(node.at, path, why.to_owned(), "");
+                return;
+            }
+        }
     }
 }
 

@@ -40,7 +40,7 @@ pub(super) static FILE: Record = record(
                 &Shape::Either(&[Shape::Column, Shape::Record(&COLUMN)]),
                 "coordinates, or qd_, qdd_ and tau_ with one,",
             ),
-            "The columns of measured quantities, by a coordinate's name, or by qd_, qdd_ and tau_ with it; qd1, qdd1 and tau1 stand for those of q1. One * stands for any part of a coordinate's name, and for the same part in the column's name",
+            "The columns of measured quantities, by a coordinate's name, or by qd_, qdd_ and tau_ with it; qd1, qdd1 and tau1 stand for those of q1. The word unmeasured in the place of an effort's column leaves out the equations in which it acts. One * stands for any part of a coordinate's name, and for the same part in the column's name",
         ),
         optional(
             "time",
@@ -104,10 +104,15 @@ pub(super) static FILE: Record = record(
 static COLUMN: Record = record(
     "a column",
     &[
-        required(
+        optional(
             "column",
             Shape::Column,
             "Its name, its number (1 is the first; numbers go on through files side by side), or several, as numbers such as 2..7 or a list such as [2, 5, 4], one for each coordinate in the order of their own numbers, or of the robot where names have none",
+        ),
+        optional(
+            "constant",
+            Shape::Either(&[OFFSET, Shape::List(&OFFSET, None)]),
+            "In place of a column: the value of a position that is the same throughout, in its unit; its velocity and acceleration are 0",
         ),
         optional("unit", Shape::Words(&UNIT_WORDS), "Its unit; SI if missing"),
         optional(
@@ -189,6 +194,14 @@ static PROCESS: Record = record(
             "resample",
             Shape::Number(Range::Positive),
             "Rate of an even grid of times, Hz, onto which rows of uneven steps are interpolated",
+        ),
+        optional(
+            "motion",
+            Shape::Words(&[(
+                "poses",
+                "none: each row is a pose at rest, with efforts that were averaged there; no time is read",
+            )]),
+            "What the rows are; samples of a motion if missing",
         ),
         optional(
             "filter",

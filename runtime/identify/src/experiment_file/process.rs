@@ -25,16 +25,42 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Process {
     let mut settings = Settings {
         format: format(root, sink),
         rate: root.get("rate").and_then(Node::number),
+        poses: of("motion").and_then(Node::text) == Some("poses"),
         resample: number("resample"),
         measured_rates: of("velocities")
             .and_then(Node::text)
             .map(|word| word != "computed"),
         method: of("filter").and_then(method).unwrap_or(Method::Central),
-        is_method_given: of("filter").is_some(),
+        // poses are not differentiated
+        is_method_given: of("filter").or_else(|| of("motion")).is_some(),
         decimation: of("decimate").and_then(count).unwrap_or(1),
         period: number("period"),
         ..Settings::default()
     };
+    if settings.poses {
+        let without = [
+            "resample",
+            "filter",
+            "velocities",
+            "decimate",
+            "period",
+            "energy",
+            "delay",
+        ];
+        let given = without.iter().filter_map(|key| Some((*key, of(key)?)));
+        let at_top = ["time", "rate"]
+            .iter()
+            .filter_map(|key| Some((*key, root.get(key)?)));
+        for (key, node) in given.chain(at_top) {
+            let message = format!("'{key}' is for motion, and these rows are poses at rest");
+            sink.push(
+                node.at,
+                &format!("`{key}`"),
+                message,
+                "leave one of both out",
+            );
+        }
+    }
     if let Some(checks) = root.get("checks") {
         let policy = |key: &str| checks.get(key).and_then(Node::text).and_then(policy);
         settings.policy = policy("rows").unwrap_or_default();

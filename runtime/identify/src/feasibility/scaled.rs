@@ -221,7 +221,11 @@ impl ScaledRows<'_> {
         for (group, block) in self.each() {
             sums.clear();
             sums.resize(group.height, 0.0);
-            for (v, column) in group.variables.iter().zip(block.chunks_exact(group.height)) {
+            for (v, column) in group
+                .variables
+                .iter()
+                .zip(block.chunks_exact(group.height.max(1)))
+            {
                 for (sum, b) in sums.iter_mut().zip(column) {
                     *sum += b * x[*v];
                 }
@@ -239,7 +243,11 @@ impl ScaledRows<'_> {
         for (group, block) in self.each() {
             own.clear();
             own.extend(self.places(group).map(|place| of[place]));
-            for (v, column) in group.variables.iter().zip(block.chunks_exact(group.height)) {
+            for (v, column) in group
+                .variables
+                .iter()
+                .zip(block.chunks_exact(group.height.max(1)))
+            {
                 out[*v] += column.iter().zip(&own).map(|(b, x)| b * x).sum::<f64>();
             }
         }

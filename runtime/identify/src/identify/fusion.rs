@@ -33,7 +33,8 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
     /// coordinate is not measured, so that nothing says where to begin.
     ///
     /// The iterations of all samples begin at the measured independent coordinates and run side by
-    /// side; a sample that has converged is not changed any more.
+    /// side; a sample that has converged is not changed any more. One that cannot be closed waits at the
+    /// closed one before it, so that it is not searched for in each iteration.
     pub(super) fn fuse_many(
         &mut self,
         motion: &[[Vec<f64>; 3]],
@@ -78,7 +79,16 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
         let mut columns = self.columns_at(&states)?;
         for _ in 0..MAX_STEPS {
             let mut steps = vec![0.0; q_i.len()];
+            // the independent coordinates of the closed state before the sample
+            let mut waiting = match &begin {
+                Some(q) => info.independent.iter().map(|c| q[*c]).collect(),
+                None => self.last.clone(),
+            };
             for sample in 0..count {
+                if states.outcomes[sample].is_closed() {
+                    let own = q_i.iter().skip(sample).step_by(count);
+                    waiting = own.copied().collect();
+                }
                 if done[sample] {
                     continue;
                 }
@@ -87,6 +97,9 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
                 | Outcome::BranchLost { .. }) = states.outcomes[sample]
                 {
                     (found[sample], done[sample]) = (Completeness::Open(outcome), true);
+                    for (k, own) in waiting.iter().enumerate() {
+                        q_i[k * count + sample] = *own;
+                    }
                     continue;
                 }
                 let own: Vec<f64> = states.at(&states.q, sample).collect();
@@ -126,6 +139,14 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
             if *found == Completeness::Closed && !outcome.is_closed() {
                 *found = Completeness::Open(*outcome);
             }
+        }
+        for (sample, _) in found
+            .iter()
+            .enumerate()
+            .filter(|(_, found)| matches!(found, Completeness::Open(_)))
+        {
+            let own = states.q.iter_mut().skip(sample).step_by(count);
+            own.for_each(|q| *q = f64::NAN);
         }
         // the rates at the states that were found
         let mut rates = [vec![0.0; q_i.len()], vec![0.0; q_i.len()]];

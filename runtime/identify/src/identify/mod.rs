@@ -48,7 +48,7 @@ pub use stream::{Columns, LeftOut, NoColumns, equations};
 pub(crate) use stream::{depends_on_direction, normalise};
 
 use crate::estimate::EstimateError;
-use regen_runtime::BaseModel;
+use regen_runtime::{BaseModel, Status};
 
 /// Returns an error unless a length is the expected one.
 pub(crate) fn require(
@@ -64,6 +64,32 @@ pub(crate) fn require(
         expected,
         got,
     })
+}
+
+/// The base parameters, as indices, whose columns are 0 in all equations of motion of a log that have a
+/// weight: nothing that is measured depends on them.
+///
+/// # Errors
+/// When the log cannot be read or does not fit the model.
+pub fn unseen<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+) -> Result<Vec<usize>, S::Error> {
+    let (dof, columns) = (model.info().dof(), model.base_info().base.len());
+    let mut seen = vec![false; columns];
+    let mut w = vec![0.0; dof * columns];
+    source.visit(&mut |state| {
+        let condition = model.base_regressor(state.q, state.qd, state.qdd, &mut w)?;
+        if condition.status() == Status::Singular || dof == 0 {
+            return Ok(());
+        }
+        for (seen, column) in seen.iter_mut().zip(w.chunks_exact(dof)) {
+            let mut entries = column.iter().zip(state.weights);
+            *seen |= entries.any(|(w, weight)| *weight != 0.0 && *w != 0.0);
+        }
+        Ok(())
+    })?;
+    Ok((0..columns).filter(|k| !seen[*k]).collect())
 }
 
 /// Decimals of numbers that enter a digest: compiled and interpreted models agree in more.

@@ -12,6 +12,12 @@ pub(super) const STEP_TOLERANCE: f64 = 1e-13;
 /// Where a limit is set, the measured coordinates count as fused if the last step was below this,
 /// relative to 1 + the coordinate.
 const FUSED_STEP: f64 = 1e-6;
+/// The continuation steps that the states of a log may take at first: half of them reach 1250 rad from
+/// home.
+const FIRST_STEPS: usize = 10_000;
+/// How many more they may take for each state: enough for 4 rad from one to the next; most take one step,
+/// or none.
+const STEPS_PER_STATE: usize = 16;
 /// A pivot below this part of the largest means that the measured coordinates do not determine
 /// the motion.
 const MIN_PIVOT_RATIO: f64 = 1e-9;
@@ -35,6 +41,8 @@ pub struct Completion<'m, M: ?Sized> {
     pub(super) last: Vec<f64>,
     /// The most continuation steps to a state; `None` without a limit.
     max_steps: Option<usize>,
+    /// Whether the work of [`complete_many`](Self::complete_many) is counted, which its first call begins.
+    bounded: bool,
 }
 
 /// States of motion of consecutive samples. The entries of each state are consecutive.
@@ -135,6 +143,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
             direct,
             last,
             max_steps: None,
+            bounded: false,
         })
     }
 
@@ -144,6 +153,17 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
     pub(super) fn limited(mut self, steps: usize) -> Self {
         self.max_steps = Some(steps);
         self
+    }
+
+    /// The number of continuation steps of all states so far: the work that was done beside that of
+    /// blocks of states that are near each other.
+    pub fn steps_taken(&self) -> usize {
+        self.closure.steps_taken()
+    }
+
+    /// The number of searches for a state that ended because others had taken too many steps.
+    pub fn given_up(&self) -> usize {
+        self.closure.given_up()
     }
 
     /// Starts from the home position again, for the next log.
@@ -191,6 +211,10 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
     /// The states of consecutive samples, as by [`complete`](Self::complete). If the independent
     /// coordinates are measured, many states are computed at once.
     ///
+    /// The work is bounded by the number of samples: where many states do not close, as with columns
+    /// that are wrong, the searches for the others are short, and [`given_up`](Self::given_up) counts
+    /// those that ended before they were finished.
+    ///
     /// - `motion`: for each measured coordinate the series of its positions, velocities and
     ///   accelerations; `samples`: the indices into these series.
     ///
@@ -201,6 +225,11 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         motion: &[[Vec<f64>; 3]],
         samples: &[usize],
     ) -> Result<CompletedStates, ClosureError> {
+        if !self.bounded {
+            self.bounded = true;
+            self.closure.allow_steps(FIRST_STEPS);
+        }
+        self.closure.allow_steps(STEPS_PER_STATE * samples.len());
         let n = self.model.info().coordinates.len();
         let pick = |place: usize, part: usize| {
             let series = motion.get(place).map(|m| m[part].as_slice());

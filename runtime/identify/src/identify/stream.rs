@@ -623,7 +623,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                     is_used / libm::hypot(1.0, rested * friction)
                 };
                 *weight = own[e] * part * f64::from(is_known);
-                self.left.resting[e] += usize::from(is_known && *weight == 0.0);
+                let rests = is_known && own[e] != 0.0 && *weight == 0.0;
+                self.left.resting[e] += usize::from(rests);
             }
             self.left.samples += 1;
             each(&Equations {

@@ -15,6 +15,8 @@ use crate::signals::{Method, SignalError, fitting_series};
 /// A Fourier series takes the place of a filter if its mean square error is below this part of the filter's: of a
 /// motion that repeats itself, it loses nothing and keeps no noise.
 const SERIES_BELOW: f64 = 1.0;
+/// The same of a series of parts of the logs: what their other rows tell, such as weights at rest, is then lost.
+const PART_BELOW: f64 = 0.5;
 /// Velocities computed from the positions are taken in place of measured ones if their mean square error is
 /// below this part of that of the measured ones.
 const COMPUTED_BELOW: f64 = 0.7;
@@ -25,7 +27,10 @@ const ROBUST_BELOW: f64 = 0.7;
 const MIN_DELAY_ROWS: f64 = 0.02;
 /// A delay that all efforts share is corrected from so many standard deviations on: one cause delays the efforts
 /// of most machines, and what is left uncorrected moves friction by many deviations.
-const MIN_COMMON_DEVIATIONS: f64 = 3.0;
+const MIN_COMMON_DEVIATIONS: f64 = 4.0;
+/// The delay of a single effort is corrected from so many on: of logs without delays one in a hundred has one beyond
+/// four, and what is left uncorrected is part of the deviations.
+const MIN_SINGLE_DEVIATIONS: f64 = 4.5;
 /// An effort whose delay differs from that of all by more standard deviations has another cause.
 const MAX_APART_DEVIATIONS: f64 = 3.0;
 /// Huber's loss is tried where a residual is as many standard deviations large: the largest of ten thousand
@@ -128,30 +133,41 @@ pub(super) enum Lateness {
     Each,
 }
 
-/// Which efforts have a delay with the chosen filter.
+/// Which efforts have a delay with the chosen filter or series.
 pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
+    runs: &[Run],
     basis: &Basis<'_, M>,
-) -> Result<Lateness, DataError> {
+    choice: &Choice,
+) -> Result<Lateness, SessionError> {
     let Some(chosen) = basis.trial() else {
         return Ok(Lateness::None);
     };
     let (cutoff, rate) = (chosen.cutoff, basis.rate());
-    let method = Method::Butterworth {
-        order: ORDER,
-        cutoff,
+    let found = if let Method::Fourier { .. } = choice.method() {
+        let reading = choice.applied(&session.reading);
+        let mut logs = Logs::open(session.model, &choice.runs(runs), &reading)?;
+        fitted(session, &mut logs, true)?
+    } else {
+        let method = Method::Butterworth {
+            order: ORDER,
+            cutoff,
+        };
+        let [every, decimation] = rates(rate, cutoff);
+        let thinned = basis.logs.thinned(method, every, decimation)?;
+        let levels = basis.logs.noise_levels();
+        fitted(
+            session,
+            &mut NoisyLogs::new(&thinned, &levels, cutoff),
+            true,
+        )?
     };
-    let [every, decimation] = rates(rate, cutoff);
-    let thinned = basis.logs.thinned(method, every, decimation)?;
-    let levels = basis.logs.noise_levels();
-    let found = fitted(
-        session,
-        &mut NoisyLogs::new(&thinned, &levels, cutoff),
-        true,
-    )?;
     let is_long = |own: &Delay| own.seconds.abs() * rate > MIN_DELAY_ROWS;
     let (each, common) = (&found.delays.efforts, &found.delays.common);
-    let certain = each.iter().filter(|own| own.is_significant());
+    let is_beyond = |own: &Delay, deviations: f64| own.seconds.abs() > deviations * own.sigma;
+    let certain = each.iter();
+    let certain =
+        certain.filter(|own| own.is_significant() && is_beyond(own, MIN_SINGLE_DEVIATIONS));
     let mut signs: Vec<bool> = certain.clone().map(|own| own.seconds > 0.0).collect();
     signs.dedup();
     if signs.len() > 1 {
@@ -164,8 +180,10 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     let is_common = common.as_ref().is_some_and(|all| {
         let agrees =
             |own: &Delay| (own.seconds - all.seconds).abs() <= MAX_APART_DEVIATIONS * own.sigma;
-        let is_beyond = all.seconds.abs() > MIN_COMMON_DEVIATIONS * all.sigma;
-        is_beyond && all.slower.is_none() && is_long(all) && each.iter().all(agrees)
+        is_beyond(all, MIN_COMMON_DEVIATIONS)
+            && all.slower.is_none()
+            && is_long(all)
+            && each.iter().all(agrees)
     });
     Ok(if is_common {
         Lateness::Common
@@ -174,9 +192,9 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Compares the Fourier series of a motion that repeats itself with the chosen filter; `None` where the motion
-/// does not repeat, or the estimates of both differ by more than chance: then it repeats itself only roughly, or
-/// its rows are not where the clock says.
+/// Compares the Fourier series of a motion that repeats itself, or of the part of each log in which it does, with the
+/// chosen filter. `None` where the motion does not repeat, or repeats itself only roughly: where the estimates of both
+/// differ by more than chance, and what the series leaves of the motion is not noise alone.
 ///
 /// - `choice`: that of the filter.
 pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
@@ -188,18 +206,26 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
     let (Some(filtered), Some(positions)) = (basis.trial(), basis.logs.positions()) else {
         return Ok(None);
     };
-    let Some((frequency, harmonics)) = fitting_series(&positions) else {
+    let Some(fitting) = fitting_series(&positions) else {
         return Ok(None);
     };
-    let reading = Settings {
-        method: Method::Fourier {
-            frequency,
-            harmonics,
-        },
-        decimation: 1,
-        ..choice.applied(&session.reading)
+    let found = SeriesChoice {
+        frequency: fitting.frequency,
+        harmonics: fitting.harmonics,
+        parts: fitting.parts.unwrap_or_default(),
+        is_used: true,
+        filtered: None,
+        series: 0.0,
     };
-    let mut logs = match Logs::open(session.model, runs, &reading) {
+    let with_series = Choice {
+        series: Some(found.clone()),
+        ..choice.clone()
+    };
+    let reading = Settings {
+        decimation: 1,
+        ..with_series.applied(&session.reading)
+    };
+    let mut logs = match Logs::open(session.model, &with_series.runs(runs), &reading) {
         // too short a part of a period
         Err(DataError::Signal {
             why: SignalError::Setting(_) | SignalError::TooFew { .. },
@@ -207,29 +233,33 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
         }) => return Ok(None),
         opened => opened?,
     };
-    let found = match fitted(session, &mut logs, false) {
+    let series = match fitted(session, &mut logs, false) {
         Err(error) if is_undetermined(&error) => return Ok(None),
-        found => found?,
+        found => Trial::of_exact_motion(found?, filtered.cutoff),
     };
-    let series = Trial::of_exact_motion(found, filtered.cutoff);
     // the errors of efforts along the whole motion, which no filter has smoothed
     let errors = all_errors(&[&series, filtered], 0);
     let [Some(own), Some(other)] = [errors.first(), errors.get(1)] else {
         return Ok(None);
     };
-    // the error of the filter counts without its distance from the series
-    let (with_series, with_filter) = (own.variance, other.variance + BIAS_WEIGHT * other.bias);
-    let is_apart = other.apart > 0.0;
-    if is_apart || !(with_series + with_filter).is_finite() {
+    if other.apart > 0.0 && !fitting.leaves_noise {
+        return Ok(None);
+    }
+    let (with_series, with_filter) = (own.variance, other.sum());
+    if !with_series.is_finite() {
         return Ok(None);
     }
     let efforts = mean_square(&series.factor);
     let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    let below = if found.parts.is_empty() {
+        SERIES_BELOW
+    } else {
+        PART_BELOW
+    };
     Ok(Some(SeriesChoice {
-        frequency,
-        harmonics,
-        is_used: with_series < SERIES_BELOW * with_filter,
-        filtered: percent(with_filter),
+        is_used: with_series < below * with_filter,
+        filtered: with_filter.is_finite().then(|| percent(with_filter)),
         series: percent(with_series),
+        ..found
     }))
 }

@@ -100,17 +100,24 @@ pub struct VelocityChoice {
 }
 
 /// The Fourier series of a motion that repeats itself beside the chosen filter.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SeriesChoice {
     /// The frequency of the fundamental, Hz.
     pub frequency: f64,
     /// The number of harmonics.
     pub harmonics: usize,
+    /// The first and the last time of each log between which the motion repeats itself, s, in its own time; none if
+    /// all logs do as a whole.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<[f64; 2]>,
     /// Whether the series is used in place of the filter.
     pub is_used: bool,
-    /// What noise leaves unknown of the predicted efforts and biases with the filter, rms, percent of the efforts.
-    pub filtered: f64,
+    /// What noise leaves unknown of the predicted efforts and biases with the filter, and by how much they differ from
+    /// those with the series beyond what the deviations of both explain, rms, percent of the efforts; `None` where it
+    /// leaves too few equations to tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filtered: Option<f64>,
     /// What noise leaves unknown of them with the series.
     pub series: f64,
 }
@@ -135,6 +142,8 @@ pub struct OpenChoices {
     pub delays: bool,
     /// The loss of the residuals.
     pub loss: bool,
+    /// The series of a motion that repeats itself, in place of the filter.
+    pub series: bool,
 }
 
 /// How logs are read and equations are solved: a zero-phase Butterworth filter that the positions are
@@ -208,9 +217,20 @@ impl Choice {
         }
     }
 
+    /// The logs, cut to the parts in which the motion of a series repeats itself.
+    #[must_use]
+    pub fn runs(&self, runs: &[Run]) -> Vec<Run> {
+        let mut out = runs.to_vec();
+        let series = self.series.as_ref().filter(|own| own.is_used);
+        for (run, part) in out.iter_mut().zip(series.iter().flat_map(|own| &own.parts)) {
+            run.times = Some((part[0], part[1]));
+        }
+        out
+    }
+
     /// How positions are differentiated: by the series if it is used, else by the filter.
     pub fn method(&self) -> Method {
-        match self.series {
+        match &self.series {
             Some(own) if own.is_used => Method::Fourier {
                 frequency: own.frequency,
                 harmonics: own.harmonics,
@@ -284,7 +304,7 @@ impl Errors {
 }
 
 /// Chooses how the logs are read and solved; `None` where no filter is to be chosen: where all derivatives are
-/// measured, repetitions are averaged, or no cutoff determines the parameters.
+/// measured, or no cutoff determines the parameters.
 ///
 /// - `open`: what is chosen too.
 ///
@@ -295,13 +315,27 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
     runs: &[Run],
     open: OpenChoices,
 ) -> Result<Option<Choice>, SessionError> {
-    if session.reading.period.is_some() || session.kind != EquationKind::Forces {
-        return Ok(None);
-    }
     session.watch.phase("choosing a filter");
-    let found = found(session, runs, open);
+    let is_averaged = session.reading.period.is_some();
+    // an energy balance is of the same motion as the forces, which tell more of it; so are single periods
+    let forces = Session {
+        kind: EquationKind::Forces,
+        ..session.with_reading(Settings {
+            period: None,
+            ..session.reading.clone()
+        })
+    };
+    let open = OpenChoices {
+        loss: open.loss && session.kind == EquationKind::Forces && !is_averaged,
+        ..open
+    };
+    let mut found = found(&forces, runs, open)?;
+    if let Some(series) = found.as_mut().and_then(|own| own.series.as_mut()) {
+        // a mean of periods is a series, however accurate filters of the whole log are
+        series.is_used |= is_averaged;
+    }
     session.watch.finished();
-    found
+    Ok(found)
 }
 
 fn found<M: BaseModel<f64> + ?Sized>(
@@ -330,16 +364,24 @@ fn found<M: BaseModel<f64> + ?Sized>(
         return Ok(None);
     };
     choice.velocities = velocities;
+    let series = |basis: &Basis<'_, M>, choice: &Choice| {
+        if !open.series || basis.logs.has_gaps() || choice.resample.is_some() {
+            return Ok(None);
+        }
+        series_choice(session, runs, basis, choice)
+    };
+    choice.series = series(&basis, &choice)?;
     let late = if open.delays && reading.delays.is_empty() {
-        lateness(session, &basis)?
+        lateness(session, runs, &basis, &choice)?
     } else {
         Lateness::None
     };
     if late != Lateness::None {
         let filtered = session.with_reading(choice.applied(&session.reading));
+        let read = choice.runs(runs);
         let delays = match late {
-            Lateness::Common => settled_common_delay(&filtered, runs)?,
-            _ => settled_delays(&filtered, runs)?,
+            Lateness::Common => settled_common_delay(&filtered, &read)?,
+            _ => settled_delays(&filtered, &read)?,
         };
         // late efforts disturb the choice of a cutoff, which is made again without their delays
         let on_time = Settings {
@@ -356,6 +398,7 @@ fn found<M: BaseModel<f64> + ?Sized>(
                 delays,
                 ..other
             };
+            choice.series = series(&again, &choice)?;
             basis = again;
         }
     }
@@ -379,9 +422,6 @@ fn found<M: BaseModel<f64> + ?Sized>(
             }
         }
         choice.loss = loss;
-    }
-    if !(choice.huber().is_some() || basis.logs.has_gaps() || choice.resample.is_some()) {
-        choice.series = series_choice(session, runs, &basis, &choice)?;
     }
     Ok(Some(choice))
 }

@@ -22,7 +22,7 @@ mod watch;
 
 use regen_runtime::BaseModel;
 
-use crate::data::{DataError, Logs, Run, Settings};
+use crate::data::{DataError, Logs, Run, Settings, ValuesFrom};
 use crate::identify::{EquationKind, Options};
 
 pub use alternatives::HUBER_BOUND;
@@ -82,6 +82,24 @@ impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
     ) -> Result<MonitoredLogs<'a, M>, DataError> {
         let names = runs.iter().map(|run| run.clone().into().to_string());
         let names: Vec<String> = names.collect();
+        let mut columns = self.reading.columns.iter();
+        let unmeasured = columns.find(|own| own.from == ValuesFrom::Unmeasured);
+        if let (EquationKind::Energy { .. }, Some(own)) = (self.kind, unmeasured) {
+            return Err(DataError::ColumnLayout {
+                file: names.join(", "),
+                why: format!(
+                    "an energy balance needs the power of every effort, and {} is not measured: use the \
+                     equations of motion",
+                    own.quantity
+                ),
+            });
+        }
+        if matches!(self.kind, EquationKind::Energy { .. }) && self.reading.poses {
+            return Err(DataError::ColumnLayout {
+                file: names.join(", "),
+                why: "poses at rest exchange no energy: use the equations of motion".to_owned(),
+            });
+        }
         self.watch.phase(&format!("checking {}", names.join(", ")));
         let logs = Logs::open(self.model, runs, &self.reading);
         self.watch.finished();

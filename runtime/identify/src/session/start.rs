@@ -7,7 +7,8 @@ use super::motion_noise::{motion_bias, size_of};
 use super::{MonitoredLogs, Session, SessionError, physical};
 use crate::data::{FileReport, Run, Settings};
 use crate::estimate::{
-    Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, QrFactor, Residuals, Weighting,
+    Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, LogErrors, QrFactor,
+    Residuals, Weighting,
 };
 use crate::friction::{self, FrictionData, collect, nonlinear_joints};
 use crate::identify::{
@@ -50,11 +51,34 @@ pub struct LeastSquaresStart {
     pub left_out: Option<LeftOut>,
     /// The estimated delays of the efforts behind the motion; empty unless the start is from logs.
     pub delays: Delays,
+    /// For each effort, the number of parameters that its equations contain; empty where that is not
+    /// known.
+    pub contained: Vec<usize>,
     /// The summaries of the logs; empty for a start from QR factors.
     pub reports: Vec<FileReport>,
+    /// What was added to each parameter since noise of the motion biases it; empty where that is not known.
+    pub correction: Vec<f64>,
 }
 
 impl LeastSquaresStart {
+    /// Whether all equations of an effort are left out, and not because its joint rests: an effort acts
+    /// on them that is not measured.
+    pub fn is_unmeasured(&self, effort: usize) -> bool {
+        let rows = self.estimate.efforts.get(effort).map(|e| e.rows);
+        let resting = self
+            .left_out
+            .as_ref()
+            .and_then(|left| left.resting.get(effort));
+        rows == Some(0) && resting == Some(&0)
+    }
+
+    /// The residuals' statistics of the efforts that are measured.
+    pub fn measured_errors(&self) -> Vec<EffortError> {
+        let errors = self.errors.iter().enumerate();
+        let measured = errors.filter(|(k, _)| !self.is_unmeasured(*k));
+        measured.map(|(_, error)| error.clone()).collect()
+    }
+
     /// The start from equations of motion that were solved with their statistics.
     ///
     /// - `confidence`: the level of the intervals, in (0, 1); `method`: how they were computed, in
@@ -81,8 +105,32 @@ impl LeastSquaresStart {
             correlation_length: Some(identified.correlation_length),
             left_out: Some(identified.left_out),
             delays: identified.delays,
+            contained: identified.contained,
             reports: Vec::new(),
+            correction: Vec::new(),
         }
+    }
+
+    /// The errors of the estimate, for factors of the same logs; `None` for a start from factors, which knows none.
+    pub fn log_errors(&self) -> Option<LogErrors> {
+        self.score_blocks.as_ref()?;
+        let n = self.estimate.values.len();
+        let filled = |own: &[f64]| {
+            let mut out = own.to_vec();
+            out.resize(n, 0.0);
+            out
+        };
+        let deviations = &self.deviations;
+        Some(LogErrors {
+            weights: self.estimate.efforts.iter().map(|e| e.weight).collect(),
+            covariance: deviations.covariance.clone(),
+            degrees_of_freedom: deviations.degrees_of_freedom.clone(),
+            correction: filled(&self.correction),
+            bias: filled(&self.intervals.bias),
+            terms: deviations.terms,
+            samples: deviations.samples,
+            memory: deviations.memory,
+        })
     }
 
     /// The least-squares parameters as an identified model.
@@ -122,8 +170,8 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     };
     let late = add_delay_error(&session.reading, &mut identified);
     let motion = add_motion_noise(session, logs, &mut identified)?;
-    let noise_note = match motion {
-        Some((_, is_mentioned)) if is_mentioned => MOTION_NOISE,
+    let noise_note = match &motion {
+        Some(own) if own.is_mentioned => MOTION_NOISE,
         _ => "",
     };
     let method = if let Some(n) = session.options.hac_bandwidth {
@@ -137,7 +185,9 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         )
     };
     let mut start = LeastSquaresStart::of_identified(identified, session.confidence, method);
-    start.intervals.bias = motion.map(|(bias, _)| bias).unwrap_or_default();
+    if let Some(own) = motion {
+        (start.intervals.bias, start.correction) = (own.size, own.correction);
+    }
     let columns = start.intervals.bias.len().max(late.len());
     start.intervals.bias.resize(columns, 0.0);
     for (bias, change) in start.intervals.bias.iter_mut().zip(&late) {
@@ -183,14 +233,23 @@ fn add_change(change: &[f64], identified: &mut Identified) {
     identified.blocks = blocks.with_change(&identified.factor, change);
 }
 
+/// What was done about the noise of the measured motion.
+struct MotionNoise {
+    /// What it biases of each parameter, in its unit.
+    size: Vec<f64>,
+    /// What was added to each.
+    correction: Vec<f64>,
+    /// Whether a deviation grows enough for it to be mentioned.
+    is_mentioned: bool,
+}
+
 /// Corrects the parameters for what noise of the measured motion biases, and adds the size of the
-/// correction to their deviations: noise is known from the log alone. Returns it, and whether a deviation
-/// grows enough for it to be mentioned; `None` where no motion is differentiated.
+/// correction to their deviations: noise is known from the log alone; `None` where no motion is differentiated.
 fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &MonitoredLogs<'_, M>,
     identified: &mut Identified,
-) -> Result<Option<(Vec<f64>, bool)>, SessionError> {
+) -> Result<Option<MotionNoise>, SessionError> {
     session.watch.phase("adding noise to the motion");
     let efforts = identified.estimate.efforts.iter();
     let weights: Vec<f64> = efforts.map(|e| e.weight).collect();
@@ -213,7 +272,11 @@ fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
         *value += change;
     }
     let size = size_of(&bias.changes, bias.correction.len());
-    Ok(Some((size, !words.is_empty())))
+    Ok(Some(MotionNoise {
+        size,
+        correction: change,
+        is_mentioned: !words.is_empty(),
+    }))
 }
 
 /// Adds the errors that come from the sampling of the positions, and from efforts that are held between
@@ -282,12 +345,43 @@ pub fn from_factors<M: BaseModel<f64> + ?Sized>(
     let set = FactorSet::merged(sets)?;
     let estimate = Estimate::new(&set, session.options.weighting)?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
-    Ok(white(
-        session,
-        set.kind.clone(),
-        set.combined(&weights)?,
+    let start = white(session, set.kind.clone(), set.combined(&weights)?, estimate);
+    // they are the errors of the estimate with weights by effort
+    let errors = set
+        .errors()
+        .filter(|_| session.options.weighting == Weighting::PerEffort);
+    Ok(match errors {
+        Some(errors) => of_log_errors(start, session.confidence, errors),
+        None => start,
+    })
+}
+
+/// The start from factors with the errors that their logs tell.
+fn of_log_errors(
+    start: LeastSquaresStart,
+    confidence: f64,
+    errors: &LogErrors,
+) -> LeastSquaresStart {
+    let mut estimate = start.estimate;
+    for (value, change) in estimate.values.iter_mut().zip(&errors.correction) {
+        *value += change;
+    }
+    let deviations = Deviations::of_logs(errors);
+    let estimate_for_intervals = estimate.with_deviations(&deviations);
+    let method = format!(
+        "least squares, {}, as the logs of the factors tell",
+        deviations.in_words()
+    );
+    let mut intervals = Intervals::of(&estimate, &estimate_for_intervals, confidence, method);
+    intervals.bias.clone_from(&errors.bias);
+    LeastSquaresStart {
+        factor: start.factor.moved_by(&errors.correction),
+        intervals,
+        deviations,
+        estimate_for_intervals,
         estimate,
-    ))
+        ..start
+    }
 }
 
 /// Refuses factors whose robot, kind, efforts or labels are not those of the model's equations.
@@ -344,7 +438,9 @@ fn white<M: BaseModel<f64> + ?Sized>(
         correlation_length: None,
         left_out: None,
         delays: Delays::default(),
+        contained: Vec::new(),
         reports: Vec::new(),
+        correction: Vec::new(),
     }
 }
 
@@ -463,6 +559,8 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         left_out: Some(left_out),
         data: Some(data.with_sampling(&changes)),
         delays: Delays::default(),
+        contained: Vec::new(),
         reports: logs.logs().reports().to_vec(),
+        correction: Vec::new(),
     })
 }

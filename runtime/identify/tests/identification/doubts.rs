@@ -62,6 +62,23 @@ fn an_effort_that_jumps_and_is_back_in_the_next_row_is_named_with_the_first_row(
 }
 
 #[test]
+fn a_constant_in_an_effort_is_told_from_a_tenth_of_its_residuals_on_with_its_value() {
+    // noise in no order, of 0.87 N m rms
+    let noise = |k: u32| 3.0 * (f64::from(k * 4241 % 1013) / 1013.0 - 0.5);
+    assert_eq!(doubts(noise, 0.0, Method::Central), [""; 0]);
+    for constant in [-0.9, 0.8] {
+        let found = doubts(|k| constant + noise(k), 0.0, Method::Central);
+        assert_eq!(found.len(), 1, "{found:?}");
+        let value = found[0].split("contains a constant of ").nth(1).unwrap();
+        let value: f64 = value.split(' ').next().unwrap().parse().unwrap();
+        assert!((value - constant).abs() < 0.1, "{found:?}");
+        assert!(found[0].contains("so read, the largest error"), "{found:?}");
+    }
+    // what is a small part of the effort does not matter
+    assert_eq!(doubts(|k| 0.2 + noise(k), 0.0, Method::Central), [""; 0]);
+}
+
+#[test]
 fn motion_that_a_fourier_series_lacks_is_told_from_noise() {
     let series = Method::Fourier {
         frequency: 0.5,

@@ -1,7 +1,13 @@
 //! States of a slider-crank completed from measured coordinates, compared with their closed form.
 
+use std::cell::Cell;
+
+use regen_identify::identify::suspect::{LogColumns, Measured, Sample, suspicions};
 use regen_identify::identify::{Completed, Completion};
-use regen_runtime::LoopClosure;
+use regen_runtime::{
+    Arguments, BaseFunction, BaseInfo, BaseModel, Condition, Function, Info, LoopClosure, Model,
+    SizeError,
+};
 
 use crate::models::slider_crank::SliderCrank;
 
@@ -222,5 +228,195 @@ fn samples_completed_together_are_those_completed_one_by_one() {
                 }
             }
         }
+    }
+}
+
+/// A model that counts how often its functions are computed: the work of a check, whatever machine it
+/// runs on.
+struct Counted {
+    model: SliderCrank,
+    calls: Cell<usize>,
+}
+
+impl Counted {
+    /// A rod that is shorter than the crank, so that the crank cannot turn all the way round.
+    fn new() -> Self {
+        let model = SliderCrank {
+            rod: 0.5,
+            home: [0.0, 0.0, 1.5],
+            ..SliderCrank::default()
+        };
+        let calls = Cell::new(0);
+        Self { model, calls }
+    }
+}
+
+impl Model for Counted {
+    fn info(&self) -> Info<'_> {
+        Model::<f64>::info(&self.model)
+    }
+
+    fn eval(
+        &self,
+        function: Function,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        self.calls.set(self.calls.get() + 1);
+        self.model.eval(function, arguments, out)
+    }
+}
+
+impl BaseModel for Counted {
+    fn base_info(&self) -> BaseInfo<'_> {
+        BaseModel::<f64>::base_info(&self.model)
+    }
+
+    fn eval_base(
+        &self,
+        function: BaseFunction,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        self.calls.set(self.calls.get() + 1);
+        self.model.eval_base(function, arguments, out)
+    }
+}
+
+/// The motion of all coordinates of that crank at these times, each column of positions, velocities and
+/// accelerations multiplied by its factor.
+fn swinging(count: u32, factors: [f64; 3]) -> Vec<[Vec<f64>; 3]> {
+    let reached = |crank: f64| {
+        let rod = (-crank.sin() / 0.5).asin();
+        [crank, rod - crank, crank.cos() + 0.5 * rod.cos()]
+    };
+    let turn = |t: f64| reached(0.4 * (1.3 * t).sin());
+    let step = 1e-4;
+    let mut out = vec![[vec![], vec![], vec![]]; 3];
+    for t in (0..count).map(|k| 0.01 * f64::from(k)) {
+        let [before, at, after] = [turn(t - step), turn(t), turn(t + step)];
+        for (c, (own, factor)) in out.iter_mut().zip(factors).enumerate() {
+            own[0].push(factor * at[c]);
+            own[1].push(factor * (after[c] - before[c]) / (2.0 * step));
+            own[2].push(factor * (after[c] - 2.0 * at[c] + before[c]) / (step * step));
+        }
+    }
+    out
+}
+
+/// Columns in wrong units and with wrong signs: in degrees and rad, mm and m.
+const WRONG: [[f64; 3]; 7] = [
+    [57.3, 1.0, 1.0],
+    [1.0, 57.3, 1.0],
+    [1.0, 1.0, 1000.0],
+    [1e6, 1.0, 1.0],
+    [-1.0, 1.0, 1.0],
+    [1.0, 1.0, -1.0],
+    [0.017, 0.017, 1.0],
+];
+
+#[test]
+fn measured_coordinates_that_contradict_each_other_cost_a_bounded_number_of_steps() {
+    for measured in [&[0, 1, 2][..], &[0, 1], &[1, 2]] {
+        for count in [500, 4000] {
+            let states = |factors: [f64; 3]| {
+                let counted = Counted::new();
+                let all = swinging(count, factors);
+                let motion: Vec<_> = measured.iter().map(|c| all[*c].clone()).collect();
+                let deviations = vec![1.0; measured.len()];
+                let mut completion = Completion::new(&counted, measured, &deviations).unwrap();
+                let samples: Vec<usize> = (0..count as usize).collect();
+                for part in samples.chunks(512) {
+                    completion.complete_many(&motion, part).unwrap();
+                }
+                assert!(
+                    completion.steps_taken() < 12_000 + 30 * count as usize,
+                    "{factors:?}"
+                );
+                (completion.given_up(), counted.calls.get())
+            };
+            let (given_up, calls) = states([1.0; 3]);
+            assert_eq!(given_up, 0);
+            for factors in WRONG {
+                let (_, with_wrong) = states(factors);
+                // beside the first steps, of about ten calls each
+                assert!(
+                    with_wrong < 600_000 + 30 * calls,
+                    "{factors:?}: {with_wrong} {calls}"
+                );
+            }
+        }
+    }
+    // and what was cut is told
+    let counted = Counted::new();
+    let motion = swinging(512, WRONG[0]);
+    let mut completion = Completion::new(&counted, &[0, 1, 2], &[1.0; 3]).unwrap();
+    let samples: Vec<usize> = (0..512).collect();
+    completion.complete_many(&motion, &samples).unwrap();
+    assert!(completion.given_up() > 100);
+}
+
+/// What looks wrong with a log of all three coordinates and of efforts that nothing explains, and the
+/// calls that this took.
+fn doubts(count: u32, factors: [f64; 3]) -> (Vec<String>, usize) {
+    let counted = Counted::new();
+    let motion = swinging(count, factors);
+    let effort = |k: usize, f: f64| (k as f64 * f).sin().signum();
+    let states = (0..count as usize).map(|k| Measured {
+        time: 0.01 * k as f64,
+        motion: [0, 1, 2].map(|part| motion.iter().map(|m| m[part][k]).collect()),
+        efforts: vec![effort(k, 0.37), effort(k, 0.21)],
+    });
+    let sample = Sample {
+        measured: vec![0, 1, 2],
+        states: states.collect(),
+        step: 0.01,
+        whole: count as usize,
+        ..Sample::default()
+    };
+    let columns = LogColumns {
+        file: "log.csv",
+        given: &[],
+        model: &counted,
+    };
+    let found = suspicions(&columns, &sample, None, &mut |_, _| {});
+    let said = found.iter().map(ToString::to_string).collect();
+    (said, counted.calls.get())
+}
+
+#[test]
+fn doubts_about_columns_cost_a_bounded_number_of_calls() {
+    for count in [200, 1000] {
+        let (_, right) = doubts(count, [1.0; 3]);
+        for factors in WRONG {
+            let (_, calls) = doubts(count, factors);
+            assert!(calls < 8 * right, "{factors:?}: {calls} {right}");
+        }
+    }
+}
+
+#[test]
+fn a_position_that_contradicts_the_others_is_named_with_its_unit_or_sign() {
+    for (factors, says) in [
+        (
+            [57.3, 1.0, 1.0],
+            "`crank` contradicts the other positions, which determine `crank` without it: it looks to be in degrees",
+        ),
+        (
+            [1.0, 57.3, 1.0],
+            "`rod` contradicts the other positions, which determine `rod` without it: it looks to be in degrees",
+        ),
+        (
+            [1.0, 1.0, 1000.0],
+            "`slider` contradicts the other positions, which determine `slider` without it: it looks to be in mm",
+        ),
+        ([-1.0, 1.0, 1.0], "it has the other sign"),
+        ([1.0, 1.7, 1.0], "it is 1.70 times that"),
+        ([1.0, 1.0, 1.0], ""),
+    ] {
+        let (said, _) = doubts(300, factors);
+        let all = said.join("\n");
+        assert!(all.contains(says), "{factors:?}: {all}");
+        assert_eq!(all.contains("contradicts"), !says.is_empty(), "{all}");
     }
 }

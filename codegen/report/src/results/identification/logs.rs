@@ -7,6 +7,9 @@ use regen_identify::session::{Candidate, Choice};
 use regen_identify::text::figure_of;
 use serde::Serialize;
 
+/// The most parts of logs that are named.
+const SHOWN_PARTS: usize = 3;
+
 /// The statistics of one log that was read, as they are serialised.
 #[derive(Clone, Debug, Serialize)]
 pub struct LogFile {
@@ -85,19 +88,24 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
         choice.order, choice.cutoff, choice.decimation
     );
     let mut out = String::new();
-    if let Some(own) = choice.series {
-        let (series, filtered) = (share(own.series), share(own.filtered));
+    if let Some(own) = &choice.series {
+        let series = share(own.series);
+        let filtered = own.filtered.map_or_else(
+            || "too few equations to tell".to_owned(),
+            |percent| format!("{} %", share(percent)),
+        );
         let (used, other) = if own.is_used {
             let used = format!("--fourier {},{}", own.frequency, own.harmonics);
-            (used, format!("the best filter, {filter}, {filtered} %"))
+            (used, format!("the best filter, {filter}, {filtered}"))
         } else {
-            ("a filter".to_owned(), format!("a filter {filtered} %"))
+            ("a filter".to_owned(), format!("a filter {filtered}"))
         };
         out.push_str(&field(
             "series",
             &format!(
-                "{used}: the motion repeats itself, and its series leaves an error of {series} % of the \
-                 efforts, {other}"
+                "{used}: the motion repeats itself{}, and its series leaves an error of {series} % of the \
+                 efforts, {other}",
+                parts_text(&own.parts)
             ),
         ));
         if own.is_used {
@@ -133,6 +141,22 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
         out.push_str(&field("", &line(own)));
     }
     out + &alternatives_text(choice)
+}
+
+/// The parts of logs in which the motion repeats itself, in words; empty where it does in whole logs.
+fn parts_text(parts: &[[f64; 2]]) -> String {
+    let mut texts: Vec<String> = parts
+        .iter()
+        .map(|[start, end]| format!("{} to {} s", share(*start), share(*end)))
+        .collect();
+    if texts.len() > SHOWN_PARTS {
+        texts.truncate(SHOWN_PARTS);
+        texts.push("...".to_owned());
+    }
+    if texts.is_empty() {
+        return String::new();
+    }
+    format!(" from {}", texts.join(", "))
 }
 
 /// The velocities and the loss that were chosen and why, as lines of text.

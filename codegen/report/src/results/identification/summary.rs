@@ -38,6 +38,9 @@ pub struct Summary {
     pub scaled_condition: f64,
     /// Each effort with its noise.
     pub efforts: Vec<EffortSummary>,
+    /// The efforts whose equations are left out, as an effort acts on them that is not measured.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unmeasured: Vec<String>,
     /// eps_RA of the adopted model in percent; `None` without logs.
     pub relative_absolute: Option<f64>,
     /// The number of consecutive samples that carry the information of one independent sample, or the
@@ -165,8 +168,13 @@ impl Summary {
     /// The summary of a least-squares fit; the results of later steps are empty.
     pub fn of(start: &LeastSquaresStart) -> Self {
         let estimate = &start.estimate;
-        let efforts = estimate.efforts.iter().enumerate();
-        let efforts = efforts.map(|(k, e)| EffortSummary {
+        let (efforts, unmeasured): (Vec<_>, Vec<_>) = estimate
+            .efforts
+            .iter()
+            .enumerate()
+            .partition(|(k, _)| !start.is_unmeasured(*k));
+        let unmeasured = unmeasured.into_iter().map(|(_, e)| e.name.clone());
+        let efforts = efforts.into_iter().map(|(k, e)| EffortSummary {
             name: e.name.clone(),
             equations: e.rows,
             sigma: e.sigma,
@@ -180,6 +188,7 @@ impl Summary {
             condition: estimate.condition,
             scaled_condition: estimate.scaled_condition,
             efforts: efforts.collect(),
+            unmeasured: unmeasured.collect(),
             relative_absolute: start.relative_absolute,
             correlation_length: start.correlation_length,
             singular: start.left_out.as_ref().map_or(0, |left| left.singular),

@@ -44,6 +44,13 @@ pub fn identification_text(found: &Identification) -> String {
     if let Some(left) = &summary.left_out {
         out.push_str(&resting(left));
     }
+    if !summary.unmeasured.is_empty() {
+        let names = summary.unmeasured.join(", ");
+        out.push_str(&field(
+            "not measured",
+            &format!("the equations of {names} are left out"),
+        ));
+    }
     out.push_str(&filter_text(file.filter.as_ref()));
     let corrected = summary
         .relative_absolute

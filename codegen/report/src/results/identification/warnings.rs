@@ -46,6 +46,12 @@ pub fn unexplained(errors: &[EffortError], has_friction: bool) -> Option<String>
             _ if e.relative_absolute > CONSTANT_PERCENT => {
                 format!("{} (it is the same throughout)", e.name)
             }
+            _ if e.misses_change() => {
+                format!(
+                    "{} ({:.0} % of its change are left)",
+                    e.name, e.relative_absolute
+                )
+            }
             part if part.is_finite() => format!("{} ({part:.0} % are left)", e.name),
             _ => format!("{} (it is 0 throughout)", e.name),
         })
@@ -167,7 +173,7 @@ pub fn too_short(deviations: &Deviations) -> Option<String> {
 /// the parameters fit them by chance. `None` where all have more than there are parameters.
 pub fn too_few(start: &LeastSquaresStart) -> Option<String> {
     let left = start.left_out.as_ref()?;
-    few_equations(&start.errors, start.estimate.values.len(), left)
+    few_equations(&start.measured_errors(), start.estimate.values.len(), left)
 }
 
 fn few_equations(errors: &[EffortError], parameters: usize, left: &LeftOut) -> Option<String> {

@@ -9,7 +9,7 @@ use super::{
 use regen_runtime::BaseModel;
 
 /// Relative errors of the equations below this are normal, and no change is searched.
-const GOOD_ERROR: f64 = 0.1;
+const GOOD_ERROR: f64 = 0.03;
 /// Fits whose product of errors is within this factor of the best count as equally good; their
 /// plausibility decides between them.
 const EQUIVALENT_RATIO: f64 = 1.05;
@@ -23,6 +23,10 @@ const MIN_REPORTED_FACTOR: f64 = 2.0;
 /// Flipped signs may increase the largest error and the product of errors by this factor if the
 /// parameters become plausible: what fits worse is no remedy.
 const MAX_LOSS_OF_SIGNS: f64 = 1.002;
+/// The largest number of efforts of which all orders are tried at once.
+const MAX_ORDERED: usize = 4;
+/// The largest number of efforts of which all signs are tried at once.
+const MAX_SIGNED: usize = 7;
 /// Factors between units: a factor within 10 % of one of them is set to it.
 const UNITS: [f64; 4] = [1e3, 1e-3, 9.806_65, 0.01];
 
@@ -55,13 +59,23 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         if worst < GOOD_ERROR {
             break;
         }
+        let implausible = implausible_count(model, grams, &now);
         let mut fits = Vec::new();
-        for candidate in candidates(grams, &read, &offsets, own, &touched, &now) {
+        let mut tried = candidates(grams, &read, &offsets, own, &touched, &now);
+        if touched.is_empty() {
+            tried.extend(orders(grams, own));
+        }
+        for candidate in tried {
             let Some(fit) = grams.fit(&candidate.read, &candidate.offsets) else {
                 continue;
             };
             let gain = quality(&now.errors) / quality(&fit.errors);
-            if gain >= candidate.needed && accepted(grams, &candidate, &fit) {
+            // noise limits the gain, but not what becomes possible
+            let is_enough = gain >= candidate.needed
+                || (implausible > 0
+                    && gain >= MIN_GAIN_PER_COLUMN
+                    && implausible_count(model, grams, &fit) == 0);
+            if is_enough && accepted(grams, &candidate, &fit) {
                 fits.push((gain, fit, candidate));
             }
         }
@@ -89,7 +103,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         touched.extend(&candidate.touched);
         (read, offsets, now) = (candidate.read, candidate.offsets, fit);
     }
-    if touched.is_empty() {
+    let worst = |fit: &Fit| fit.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
+    if touched.is_empty() || worst(&now) > worst(start) {
         return None;
     }
     let mut change = Change {
@@ -183,10 +198,12 @@ fn candidates(
                 let as_k = Reading {
                     from: from_l.from,
                     factor: from_l.factor * constant(k, l) * a,
+                    offset: 0.0,
                 };
                 let as_l = Reading {
                     from: from_k.from,
                     factor: from_k.factor * constant(l, k) * b,
+                    offset: 0.0,
                 };
                 let signs = if a * b > 0.0 && a > 0.0 {
                     1.0
@@ -201,6 +218,93 @@ fn candidates(
         }
     }
     out
+}
+
+/// All orders of a few efforts with all signs, of which no exchange of two explains an effort alone. Of more
+/// efforts the order in which each equation alone is explained best, with all signs.
+fn orders(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
+    let count = own.len();
+    let all = if (2..=MAX_ORDERED).contains(&count) {
+        permutations(count)
+    } else {
+        best_order(grams, count).into_iter().collect()
+    };
+    let mut out = Vec::new();
+    for order in all {
+        for signs in 0..1_usize << count {
+            let reading = |k: usize| Reading {
+                from: order[k],
+                // a torque constant is that of a motor, so it does not move with the column
+                factor: if signs >> k & 1 == 1 { -1.0 } else { 1.0 } * own[k] / own[order[k]],
+                offset: 0.0,
+            };
+            let read: Vec<Reading> = (0..count).map(reading).collect();
+            let touched: Vec<usize> = (0..count)
+                .filter(|k| order[*k] != *k || signs >> k & 1 == 1)
+                .collect();
+            let flipped = signs.count_ones();
+            // less is tried by exchanges and flips one after the other
+            if touched.len() > 1 {
+                let changes =
+                    i32::try_from(touched.len().max(flipped as usize)).unwrap_or(i32::MAX);
+                out.push(Candidate {
+                    read,
+                    offsets: Vec::new(),
+                    touched,
+                    needed: MIN_GAIN_PER_COLUMN.powi(changes),
+                });
+            }
+        }
+    }
+    out
+}
+
+/// All orders of `0..count`.
+fn permutations(count: usize) -> Vec<Vec<usize>> {
+    let mut out = vec![Vec::new()];
+    for _ in 0..count {
+        let more = |order: &Vec<usize>| -> Vec<Vec<usize>> {
+            let rest = (0..count).filter(|k| !order.contains(k));
+            rest.map(|k| [order.as_slice(), &[k]].concat()).collect()
+        };
+        out = out.iter().flat_map(more).collect();
+    }
+    out
+}
+
+/// The order of the efforts with the least product of the errors of the equations, each solved alone; `None`
+/// where an equation has several efforts, or there are too many for all signs.
+fn best_order(grams: &Grams, count: usize) -> Option<Vec<usize>> {
+    if !(2..=MAX_SIGNED).contains(&count) || grams.rows() != count {
+        return None;
+    }
+    let mut costs = vec![vec![0.0; count]; count];
+    for i in 0..count {
+        let effort = grams.only_effort(i)?;
+        for (from, cost) in costs[effort].iter_mut().enumerate() {
+            *cost = grams.error_of(i, from)?.max(0.01).ln();
+        }
+    }
+    // the least cost of the first efforts for each set of columns, and the last column of it
+    let mut best = vec![(f64::INFINITY, 0); 1 << count];
+    best[0].0 = 0.0;
+    for set in 0..1_usize << count {
+        let k = set.count_ones() as usize;
+        for from in (0..count).filter(|from| k < count && set >> from & 1 == 0) {
+            let next = set | 1 << from;
+            let cost = best[set].0 + costs[k][from];
+            if cost < best[next].0 {
+                best[next] = (cost, from);
+            }
+        }
+    }
+    let mut set = (1 << count) - 1;
+    let mut order = vec![0; count];
+    for k in (0..count).rev() {
+        order[k] = best[set].1;
+        set &= !(1 << order[k]);
+    }
+    Some(order)
 }
 
 /// The factor on one effort that minimises the product of errors, if it is far from 1.
@@ -284,6 +388,10 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
     grams: &Grams,
     now: &Fit,
 ) -> Option<Change> {
+    // friction of a fit that explains nothing has no sign
+    if now.errors.iter().any(|e| *e > MAX_EXPLAINED_ERROR) {
+        return None;
+    }
     let count = model.info().actuated.len();
     let (efforts, fit) = flip_driving_signs(model, grams, &Reading::plain(count), &[], now)?;
     Some(Change {

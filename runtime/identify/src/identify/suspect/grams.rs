@@ -14,6 +14,9 @@ pub(super) struct Grams {
     efforts: usize,
     /// The indices of the efforts that act on each equation.
     acting: Vec<Vec<usize>>,
+    /// Whether each equation is left out, as an effort acts on it that is not measured; it has no error
+    /// then.
+    left_out: Vec<bool>,
     matrices: Vec<Vec<f64>>,
     /// The number of states in the sums.
     count: f64,
@@ -27,6 +30,28 @@ pub(super) struct Grams {
     pub(super) nominal: bool,
     /// Some of the positions, of all coordinates.
     pub(super) postures: Vec<Vec<f64>>,
+    /// The equations of each state; empty for a hypothesis.
+    pub(super) stored: Vec<Stored>,
+}
+
+/// The equations of a state.
+#[derive(Clone, Debug)]
+pub(super) struct Stored {
+    /// The index of the state in the sample.
+    pub(super) state: usize,
+    /// The base regressor, by columns.
+    pub(super) w: Vec<f64>,
+    /// The right-hand sides.
+    pub(super) tau: Vec<f64>,
+}
+
+impl Stored {
+    /// The measured right-hand side of equation `i` minus that of these base parameters.
+    pub(super) fn residual(&self, i: usize, values: &[f64]) -> f64 {
+        let row = self.w.iter().skip(i).step_by(self.tau.len().max(1));
+        let predicted: f64 = row.zip(values).map(|(w, b)| w * b).sum();
+        self.tau.get(i).map_or(0.0, |tau| tau - predicted)
+    }
 }
 
 /// A least-squares solution.
@@ -38,6 +63,8 @@ pub(super) struct Fit {
     pub(super) errors: Vec<f64>,
     /// For each equation: rms of the efforts.
     pub(super) sizes: Vec<f64>,
+    /// For each equation: rms of the efforts about their mean.
+    pub(super) spreads: Vec<f64>,
 }
 
 /// The number of reweighted passes: the errors settle to a few percent in three.
@@ -52,7 +79,7 @@ const POSTURES: usize = 16;
 const MIN_CLOSED_PART: f64 = 0.8;
 /// The most continuation steps to a state: enough for a path of tens of rad. Columns that are wrong
 /// lead to states that do not close, and a search to the end takes thousands of steps for each.
-const MAX_STEPS: usize = 200;
+pub(super) const MAX_STEPS: usize = 200;
 /// How many more states than the rest of [`MIN_CLOSED_PART`] may fail before a hypothesis is given up.
 const SPARE_FAILURES: usize = 4;
 /// The largest distance of measured coordinates, more than needed, from the closed state that is
@@ -185,6 +212,7 @@ impl Grams {
             columns,
             efforts,
             acting: Vec::new(),
+            left_out: vec![false; dof],
             matrices: Vec::new(),
             count: 0.0,
             tried: 0,
@@ -192,17 +220,19 @@ impl Grams {
             spent: vec![0.0; dof],
             nominal: beta.is_some(),
             postures: Vec::new(),
+            stored: Vec::new(),
         };
         let apart = (sample.states.len() / every.max(1) / POSTURES).max(1);
         let mut w = vec![0.0; dof * columns];
         let mut transfer = vec![0.0; dof * efforts];
         let mut own = vec![0.0; dof];
         let mut entries = Vec::new();
-        for state in sample.states.iter().step_by(every.max(1)) {
+        for (place, state) in sample.states.iter().enumerate().step_by(every.max(1)) {
             out.tried += 1;
             let read = |d: usize| -> Option<Vec<f64>> {
                 let column = &state.motion[d];
-                let one = |r: &Reading| Some(column.get(r.from)? * r.factor);
+                let offset = |r: &Reading| if d == 0 { r.offset } else { 0.0 };
+                let one = |r: &Reading| Some(column.get(r.from)? * r.factor + offset(r));
                 positions.iter().map(one).collect()
             };
             let measured = read(0)?;
@@ -256,6 +286,12 @@ impl Grams {
                 out.acting = (0..dof)
                     .map(|i| if whole { acts(i) } else { all.clone() })
                     .collect();
+                for (acting, left_out) in out.acting.iter_mut().zip(&mut out.left_out) {
+                    *left_out = acting.iter().any(|k| sample.unmeasured.contains(k));
+                    if *left_out {
+                        acting.clear();
+                    }
+                }
                 let sizes = (0..dof).map(|i| out.size(i));
                 out.matrices = sizes.map(|n| vec![0.0; n * n]).collect();
             }
@@ -263,7 +299,11 @@ impl Grams {
                 out.postures.push(full.q.clone());
             }
             out.count += 1.0;
+            let mut sides = Vec::with_capacity(dof);
             for i in 0..dof {
+                if out.left_out[i] {
+                    continue;
+                }
                 entries.clear();
                 entries.extend(w.iter().skip(i).step_by(dof));
                 let mut tau = 0.0;
@@ -273,6 +313,7 @@ impl Grams {
                     tau += t * state.efforts.get(k)?;
                 }
                 entries.extend(out.acting[i].iter().map(|k| transfer[k * dof + i]));
+                sides.push(tau);
                 let predicted = beta.as_ref().map_or(0.0, |beta| {
                     let pairs = entries.iter().zip(beta);
                     pairs.map(|(w, b)| w * b).sum()
@@ -291,6 +332,13 @@ impl Grams {
                     *power += w * rate;
                 }
                 out.spent[i] += (tau * rate).abs();
+            }
+            if spreads.is_none() {
+                out.stored.push(Stored {
+                    state: place,
+                    w: w.clone(),
+                    tau: sides,
+                });
             }
         }
         for gram in &mut out.matrices {
@@ -373,6 +421,64 @@ impl Grams {
         self.solve(read, &[], Some(column))
     }
 
+    /// The error of equation `i`, solved alone, if its effort is read from the column of the effort `from`.
+    pub(super) fn error_of(&self, i: usize, from: usize) -> Option<f64> {
+        let n = self.columns;
+        let mut gram = vec![0.0; n * n];
+        for a in 0..n {
+            for b in 0..=a {
+                gram[a * n + b] = self.entry(i, a, b);
+            }
+        }
+        let mut read = Reading::plain(self.efforts);
+        let own = self.only_effort(i)?;
+        read[own].from = from;
+        let side = self.side(i, &read);
+        let last = self.size(i) - 1;
+        let right: Vec<f64> = (0..n)
+            .map(|p| self.product(i, &[(p, 1.0)], &side))
+            .collect();
+        let square = self.product(i, &side, &side);
+        let mean = self.product(i, &side, &[(last, 1.0)]);
+        let spread = (square - mean * mean / self.count).max(1e-6 * square);
+        let values = solve(&mut gram, &right)?;
+        let places: Vec<Option<usize>> = (0..n).map(Some).collect();
+        let left = self.squared_residuals(i, &places, &values, square, &right);
+        (spread > 0.0).then(|| (left / spread).sqrt())
+    }
+
+    /// What the base parameters do not explain of a quantity at some states, given equation by equation with
+    /// these weights in it.
+    pub(super) fn without_parameters(
+        &self,
+        states: &[&Stored],
+        weights: &[f64],
+        quantity: &[f64],
+    ) -> Option<Vec<f64>> {
+        let (n, rows) = (self.columns, self.rows());
+        let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
+        let weighted = |place: usize| {
+            let (state, i) = (states[place / rows], place % rows);
+            let row = state.w.iter().skip(i).step_by(rows);
+            row.map(|w| w * weights[i]).collect::<Vec<f64>>()
+        };
+        for (place, y) in quantity.iter().enumerate() {
+            let row = weighted(place);
+            for (a, x) in row.iter().enumerate() {
+                right[a] += x * y;
+                for (b, z) in row[..=a].iter().enumerate() {
+                    gram[a * n + b] += x * z;
+                }
+            }
+        }
+        let values = solve(&mut gram, &right)?;
+        let left = quantity.iter().enumerate().map(|(place, y)| {
+            let row = weighted(place);
+            y - row.iter().zip(&values).map(|(w, b)| w * b).sum::<f64>()
+        });
+        Some(left.collect())
+    }
+
     fn solve(&self, read: &[Reading], offsets: &[usize], zero: Option<usize>) -> Option<Fit> {
         let n = self.columns + offsets.len();
         let rows = self.rows();
@@ -380,6 +486,13 @@ impl Grams {
         let mut places = Vec::with_capacity(rows);
         let (mut squares, mut spreads, mut sides) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..rows {
+            if self.left_out[i] {
+                places.push(vec![None; n]);
+                squares.push(0.0);
+                spreads.push(1.0);
+                sides.push(vec![0.0; n]);
+                continue;
+            }
             let mut place: Vec<Option<usize>> = (0..self.columns)
                 .map(|c| (Some(c) != zero).then_some(c))
                 .collect();
@@ -430,6 +543,7 @@ impl Grams {
             values,
             errors: pairs.map(|(r, s)| (r / s).sqrt()).collect(),
             sizes: squares.iter().map(|s| (s / self.count).sqrt()).collect(),
+            spreads: spreads.iter().map(|s| (s / self.count).sqrt()).collect(),
         })
     }
 
@@ -468,6 +582,9 @@ impl Grams {
         offsets: &[usize],
     ) -> Option<Vec<f64>> {
         let one = |i: usize| {
+            if self.left_out[i] {
+                return Some(0.0);
+            }
             let last = self.size(i) - 1;
             let constants = offsets.iter().filter_map(|k| self.constant(i, *k));
             let separate: Vec<usize> = (0..self.columns)

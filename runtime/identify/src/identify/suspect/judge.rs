@@ -5,7 +5,7 @@ use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use super::words::{LogColumns, rounded};
-use super::{Findings, Nominal, Sample, look};
+use super::{Findings, Measured, Nominal, Sample, look, positions};
 use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
@@ -35,6 +35,10 @@ const MAX_NOMINAL_FACTOR: f64 = 4.0;
 pub(super) const MIN_COMPARED_PART: f64 = 0.2;
 /// The largest relative change of an effort that is the same throughout.
 const MAX_ROUNDING: f64 = 1e-9;
+/// A position beyond its limits by less than this part of their distance is not doubted.
+const MAX_BEYOND_PART: f64 = 0.05;
+/// The part of the rows from which on positions beyond their limits are doubted.
+const MIN_BEYOND_TIME: f64 = 0.5;
 /// An effort of more than this many times its limit is in another unit.
 const MIN_LIMIT_RATIO: f64 = 10.0;
 
@@ -86,6 +90,8 @@ pub enum Remedy {
     /// Fit a Fourier series with the frequency of the motion and enough harmonics, or smooth by a
     /// filter.
     Series,
+    /// Bound the weight of large residuals by Huber's loss, or leave rows out.
+    Bounded,
     /// Look for the cause in the sign, the delay or the offset of an effort or in the motion, or
     /// solve for physical parameters only.
     Physical,
@@ -194,6 +200,15 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if !out.is_empty() {
         return out;
     }
+    out.extend(copies(columns, sample));
+    if !out.is_empty() {
+        return out;
+    }
+    // hypotheses that are judged by the efforts cannot tell with states that contradict themselves
+    out.extend(contradiction(columns, sample));
+    if !out.is_empty() {
+        return out;
+    }
     let own: Vec<f64> = info
         .actuated
         .iter()
@@ -211,10 +226,18 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if out.is_empty() && sample.spikes.is_empty() {
         out.extend(limits(columns, sample));
     }
+    if out.is_empty() {
+        out.extend(beyond(columns, sample));
+    }
     if out.is_empty()
         && let Some((values, sigmas)) = estimate
-        && has_negative_inertia(model, values, sigmas)
+        && let negative = negative_inertias(model, values, sigmas)
+        && !negative.is_empty()
     {
+        if negative.len() < info.dof() {
+            out.push(columns.light(&negative));
+            return out;
+        }
         let all: Vec<usize> = (0..info.actuated.len()).collect();
         out.push(columns.suspicion(
             "these parameters make every inertia negative: the signs of all efforts, or of all \
@@ -227,6 +250,9 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(columns.shifted(&findings.shifts));
     }
     if out.is_empty() {
+        out.extend(columns.with_constants(&findings.constants));
+    }
+    if out.is_empty() {
         out.extend(findings.negative.iter().map(|negative| {
             columns.suspicion(
                 format!(
@@ -237,6 +263,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
             )
         }));
     }
+    out.extend(
+        columns
+            .far(&findings.far)
+            .filter(|_| sample.spikes.is_empty()),
+    );
     out.extend(columns.spikes(&sample.spikes));
     if let Some((what, assignment)) = &sample.doubted_rate
         && let Ok(assignment) = assignment.parse()
@@ -247,6 +278,16 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(missed_by_series(columns, sample, &findings.errors));
     }
     out
+}
+
+/// The suspicion that one position contradicts the others where more are measured than needed, by the
+/// loops alone; `None` if they agree, or no unit, sign or offset of a single one makes them agree.
+pub fn contradiction<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let found = positions::contradiction(columns.model, sample)?;
+    columns.contradicting(sample, found)
 }
 
 /// Whether the times are in another unit than s.
@@ -291,6 +332,9 @@ fn unmeasured<M: BaseModel<f64> + ?Sized>(
     sample: &Sample,
 ) -> Option<Suspicion> {
     let is_constant = |k: &usize| {
+        if sample.unmeasured.contains(k) {
+            return false;
+        }
         let values = sample.states.iter().filter_map(|s| s.efforts.get(*k));
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), u| {
             (low.min(*u), high.max(*u))
@@ -318,6 +362,56 @@ fn unmeasured<M: BaseModel<f64> + ?Sized>(
             columns: Vec::new(),
         },
     ))
+}
+
+/// The efforts, or moving positions, that are the same as others in all rows: one column is a copy.
+fn copies<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let efforts = (0..columns.model.info().actuated.len()).map(|k| columns.effort(k).column);
+    let positions = sample.measured.iter().map(|c| {
+        let of = Quantity::Position(columns.name(*c));
+        columns.source(&of).column
+    });
+    let mut words = same(&efforts.collect::<Vec<_>>(), sample, |state| &state.efforts);
+    words.extend(same(&positions.collect::<Vec<_>>(), sample, |state| {
+        &state.motion[0]
+    }));
+    (!words.is_empty()).then(|| {
+        let advice = "One of them is a copy, and what it should be is not in the log: log it, or give \
+                      another column";
+        columns.suspicion(
+            words.join(", and "),
+            Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: Vec::new(),
+            },
+        )
+    })
+}
+
+/// The pairs of quantities that are the same at all states and change.
+fn same(titles: &[String], sample: &Sample, of: fn(&Measured) -> &Vec<f64>) -> Vec<String> {
+    let value = |state: &Measured, k: usize| of(state).get(k).map(|x| x.to_bits());
+    let changes = |k: &usize| {
+        let first = sample.states.first().map(|state| value(state, *k));
+        (sample.states.iter()).any(|state| Some(value(state, *k)) != first)
+    };
+    let mut out = Vec::new();
+    for k in (0..titles.len()).filter(changes) {
+        let twin = (0..k).find(|j| {
+            let mut states = sample.states.iter();
+            titles[*j] != titles[k] && states.all(|state| value(state, *j) == value(state, k))
+        });
+        if let Some(j) = twin {
+            out.push(format!(
+                "columns `{}` and `{}` have the same values in all rows",
+                titles[j], titles[k]
+            ));
+        }
+    }
+    out
 }
 
 /// Whether the Fourier series is not that of the motion.
@@ -502,6 +596,45 @@ fn limits<M: BaseModel<f64> + ?Sized>(
     out
 }
 
+/// Finds positions that are beyond the limits of their joints most of the time.
+fn beyond<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Vec<Suspicion> {
+    let info = columns.model.info();
+    let mut out = Vec::new();
+    for (k, c) in sample.measured.iter().enumerate() {
+        let Some([low, high]) = info.joints.get(*c).and_then(|j| j.limits.position) else {
+            continue;
+        };
+        let margin = MAX_BEYOND_PART * (high - low);
+        let states = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+        let outside = states.filter(|q| **q < low - margin || **q > high + margin);
+        let part = outside.count() as f64 / sample.states.len().max(1) as f64;
+        if margin > 0.0 && part > MIN_BEYOND_TIME {
+            let source = columns.source(&Quantity::Position(columns.name(*c)));
+            out.push(columns.suspicion(
+                format!(
+                    "column `{}` is beyond the limits of its joint, {} to {}, in {:.0} % of the rows",
+                    source.column,
+                    text::figure(low),
+                    text::figure(high),
+                    100.0 * part
+                ),
+                Remedy::Read {
+                    advice: vec![
+                        "Its sign, its zero or its unit is another one than the spec's, or the limits \
+                         are wrong"
+                            .to_owned(),
+                    ],
+                    columns: Vec::new(),
+                },
+            ));
+        }
+    }
+    out
+}
+
 /// The diagonal of the mass matrix at home with these base parameters, kg m^2 or kg.
 fn inertia<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64]) -> Option<Vec<f64>> {
     let info = model.info();
@@ -511,26 +644,29 @@ fn inertia<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64]) -> Option<Vec<
     Some(mass.into_iter().step_by(dof + 1).collect())
 }
 
-/// Whether a fit makes the inertia of every coordinate negative, by more than the standard
-/// deviations of the parameters allow: then the signs of all efforts, or of all positions, are
-/// flipped.
-fn has_negative_inertia<M: BaseModel<f64> + ?Sized>(
+/// The independent coordinates whose inertia a fit makes negative, by more than the standard deviations of
+/// the parameters allow; where all are, the signs of all efforts, or of all positions, are flipped.
+fn negative_inertias<M: BaseModel<f64> + ?Sized>(
     model: &M,
     values: &[f64],
     sigmas: &[f64],
-) -> bool {
+) -> Vec<usize> {
     let Some(mut inertia) = inertia(model, values) else {
-        return false;
+        return Vec::new();
     };
     for (k, sigma) in sigmas.iter().enumerate() {
         let mut unit = vec![0.0; values.len()];
         unit[k] = *sigma;
         let Some(part) = self::inertia(model, &unit) else {
-            return false;
+            return Vec::new();
         };
         for (m, part) in inertia.iter_mut().zip(part) {
             *m += part.abs();
         }
     }
-    !inertia.is_empty() && inertia.iter().all(|m| *m < 0.0)
+    let light = inertia.iter().enumerate().filter(|(_, m)| **m < 0.0);
+    let independent = model.info().independent;
+    light
+        .filter_map(|(k, _)| independent.get(k).copied())
+        .collect()
 }

@@ -9,15 +9,17 @@
 
 mod efforts;
 mod facts;
+mod far;
 mod grams;
 mod judge;
+mod offsets;
 mod positions;
 mod trial;
 mod words;
 
-pub use facts::{NegativeParameter, Nominal, Shift};
-pub use judge::{EffortChange, Remedy, Suspicion, suspicions};
-pub use trial::{Trial, trial, weightless};
+pub use facts::{MissingConstant, NegativeParameter, Nominal, Shift};
+pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
+pub use trial::{Trial, short_trial, trial, weightless};
 pub use words::LogColumns;
 
 use grams::{Fit, Grams};
@@ -30,6 +32,8 @@ pub struct Sample {
     pub measured: Vec<usize>,
     /// The states.
     pub states: Vec<Measured>,
+    /// The titles of all columns of the log.
+    pub titles: Vec<String>,
     /// The title of the column of times, where it was found without being assigned.
     pub time_column: Option<String>,
     /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
@@ -47,6 +51,8 @@ pub struct Sample {
     pub series_over_noise: Vec<f64>,
     /// The efforts that jump in some rows and are back in the next ones.
     pub spikes: Vec<Spikes>,
+    /// The efforts that are stated as not measured: indices into `Info::actuated`.
+    pub unmeasured: Vec<usize>,
 }
 
 /// Rows in which an effort jumps and is back in the next row.
@@ -81,12 +87,18 @@ pub struct Reading {
     pub from: usize,
     /// The factor that the column is multiplied by.
     pub factor: f64,
+    /// What is added, for positions, rad or m.
+    pub offset: f64,
 }
 
 impl Reading {
     /// Every quantity read from its own column.
     fn plain(count: usize) -> Vec<Self> {
-        let own = |from| Self { from, factor: 1.0 };
+        let own = |from| Self {
+            from,
+            factor: 1.0,
+            offset: 0.0,
+        };
         (0..count).map(own).collect()
     }
 }
@@ -111,11 +123,26 @@ pub struct Change {
     pub sign: bool,
 }
 
+/// An effort that is far from what the model explains of it in a part of a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FarEffort {
+    /// The effort: an index into `Info::actuated`.
+    pub effort: usize,
+    /// The times of the first and the last state that is far off, s.
+    pub times: [f64; 2],
+    /// The largest residual, N or N m.
+    pub largest: f64,
+    /// The robust standard deviation of the residuals.
+    pub usual: f64,
+}
+
 /// The results of checking a log.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Findings {
     /// The change of columns that explains the errors, if there is one.
     pub change: Option<Change>,
+    /// The efforts that are far from what the model explains in a part of the log, and matter.
+    pub far: Vec<FarEffort>,
     /// The comparison of each equation's effort with that of the nominal bodies, where they can be
     /// compared; efforts are read with the change.
     pub nominal: Vec<Nominal>,
@@ -130,6 +157,8 @@ pub struct Findings {
     /// Efforts with a constant offset that direction-dependent friction has absorbed; only where no
     /// change explains them.
     pub shifts: Vec<Shift>,
+    /// Constants in efforts that the model lacks; only where no change explains the errors.
+    pub constants: Vec<MissingConstant>,
 }
 
 /// The largest number of states used for hypotheses on efforts; more are not needed.
@@ -139,12 +168,16 @@ pub const STATES: usize = 1000;
 const MAX_POSITION_STATES: usize = 240;
 /// The smallest number of equations per base parameter for a hypothesis on positions.
 const MIN_EQUATIONS_PER_PARAMETER: usize = 3;
-/// Relative errors above this, after changes of efforts, cause hypotheses on positions to be tried.
+/// Relative errors above this, whatever changes of efforts leave, cause hypotheses on positions to be tried.
 const UNEXPLAINED_ERROR: f64 = 0.25;
+/// The same, after changes of efforts.
+const DOUBTED_ERROR: f64 = 0.1;
 /// The factor by which a change must reduce the product of errors for each column that it changes:
 /// halving is not an accident.
 const MIN_GAIN_PER_COLUMN: f64 = 2.0;
 
+/// The factor by which the product of errors must be smaller without the states that are far off.
+const MIN_GAIN_OF_REST: f64 = 1.2;
 /// The smallest offset that is reported, relative to the rms of its effort.
 const MIN_OFFSET_PART: f64 = 0.05;
 /// The largest relative error at which an effort counts as explained after a change.
@@ -168,7 +201,32 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     let plain = Reading::plain(sample.measured.len());
     let mut out = Findings::default();
     let every = sample.states.len().div_ceil(STATES).max(1);
-    let grams = Grams::of(model, sample, &plain, every);
+    let mut grams = Grams::of(model, sample, &plain, every);
+    let rest;
+    let mut sample = sample;
+    if let Some(own) = &grams
+        && let Some(now) = own.fit(&Reading::plain(info.actuated.len()), &[])
+    {
+        let (far, states) = far::efforts(sample, own, &now);
+        if !far.is_empty() {
+            let left = Sample {
+                states: (sample.states.iter().enumerate())
+                    .filter(|(k, _)| states.binary_search(k).is_err())
+                    .map(|(_, state)| state.clone())
+                    .collect(),
+                ..sample.clone()
+            };
+            let others = Grams::of(model, &left, &plain, every);
+            let fit = (others.as_ref())
+                .and_then(|own| own.fit(&Reading::plain(info.actuated.len()), &[]));
+            // without them the rest is explained better, so that the search goes on with it
+            if fit.is_some_and(|fit| quality(&now.errors) > MIN_GAIN_OF_REST * quality(&fit.errors))
+            {
+                (out.far, grams, rest) = (far, others, left);
+                sample = &rest;
+            }
+        }
+    }
     let mut best: Option<Change> = None;
     let mut fits = None;
     if let Some(grams) = &grams {
@@ -181,13 +239,22 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     }
     let worst = |errors: &[f64]| errors.iter().fold(0.0, |m: f64, e| m.max(*e));
     let open = grams.as_ref().is_none_or(|grams| !grams.closes()) || fits.is_none();
-    let wrong =
-        open || worst(&out.errors) > UNEXPLAINED_ERROR || facts::beyond_limits(model, sample);
+    // what only a change of efforts explains may be a change of positions
+    let doubted = best.is_some() && worst(&out.errors) > DOUBTED_ERROR;
+    let wrong = open
+        || doubted
+        || worst(&out.errors) > UNEXPLAINED_ERROR
+        || facts::beyond_limits(model, sample);
     if wrong && let Some(found) = positions::search(model, sample, own, open, best.as_ref(), step) {
         best = Some(found);
     }
     if let (None, Some(grams), Some(now)) = (&best, &grams, &fits) {
         best = efforts::signs(model, grams, now);
+    }
+    if let (None, Some(grams), Some(now)) = (&best, &grams, &fits)
+        && worst(&now.errors) > offsets::MIN_DOUBTED_ERROR
+    {
+        best = offsets::search(model, sample, grams, now);
     }
     let changed = best.as_ref().filter(|c| !c.positions.is_empty());
     let again = changed.and_then(|c| Grams::of(model, sample, &c.positions, every));
@@ -200,6 +267,9 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
         if let Some(fit) = grams.fit(&read, &[]) {
             out.driving = facts::driving(model, grams, &fit);
         }
+    }
+    if let (None, Some(grams), Some(now)) = (&best, &grams, &fits) {
+        out.constants = facts::constants(model, grams, now);
     }
     if let (None, Some(grams), Some(now), Some((values, sigmas))) = (&best, &grams, &fits, estimate)
     {

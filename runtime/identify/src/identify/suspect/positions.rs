@@ -1,11 +1,12 @@
 //! Hypotheses on the columns of positions: with flipped signs, exchanged, in degrees or
 //! millimetres. Each takes a pass over some of the states.
 
-use super::grams::Grams;
+use super::grams::{Grams, MAX_STEPS};
 use super::{
     Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_EQUATIONS_PER_PARAMETER,
     MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, quality,
 };
+use crate::identify::{Completed, Completion};
 use regen_runtime::{BaseModel, Motion};
 
 /// Fits whose product of errors is within this factor of the best count as equally good.
@@ -17,6 +18,119 @@ const MIN_GAIN_OVER_EFFORTS: f64 = 1.5;
 const MAX_ROUNDS: usize = 2;
 /// The smallest number of states for a hypothesis.
 const MIN_STATES: usize = 40;
+
+/// The number of states at which measured coordinates beyond need are compared.
+const COMPARED_STATES: usize = 60;
+/// The part of these at which the loops must close.
+const MIN_COMPARED_PART: f64 = 0.8;
+/// The largest deviation of a position, over its spread, that counts as agreement.
+const MAX_DEVIATION: f64 = 0.05;
+
+/// A position that contradicts the others, which are enough without it: it is `factor` times what they
+/// say, plus `offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Contradiction {
+    /// The index into the measured coordinates.
+    pub(super) place: usize,
+    pub(super) factor: f64,
+    pub(super) offset: f64,
+}
+
+/// Finds the position that contradicts the others where more are measured than needed, by the loops
+/// alone, whatever the efforts are. `None` if they agree, or if no factor and offset of a single one
+/// makes them agree.
+pub(super) fn contradiction<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+) -> Option<Contradiction> {
+    let count = sample.measured.len();
+    if count <= model.info().dof() {
+        return None;
+    }
+    let all: Vec<usize> = (0..count).collect();
+    if agreeing(model, sample, &all).is_some() {
+        return None;
+    }
+    let mut best: Option<(f64, Contradiction)> = None;
+    for place in 0..count {
+        let rest: Vec<usize> = all.iter().copied().filter(|k| *k != place).collect();
+        let Some(states) = agreeing(model, sample, &rest) else {
+            continue;
+        };
+        let coordinate = sample.measured.get(place)?;
+        let pairs: Vec<(f64, f64)> = states
+            .iter()
+            .filter_map(|(k, q)| {
+                let said = q.get(*coordinate)?;
+                Some((*said, *sample.states.get(*k)?.motion[0].get(place)?))
+            })
+            .collect();
+        let n = pairs.len() as f64;
+        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+        let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
+        let (xx, yy) = (mean(&|p| (p.0 - x).powi(2)), mean(&|p| (p.1 - y).powi(2)));
+        let factor = mean(&|p| (p.0 - x) * (p.1 - y)) / xx;
+        let offset = y - factor * x;
+        let left = (mean(&|p| (p.1 - offset - factor * p.0).powi(2)) / yy).sqrt();
+        if left < best.map_or(MAX_DEVIATION, |best| best.0) {
+            let found = Contradiction {
+                place,
+                factor,
+                offset,
+            };
+            best = Some((left, found));
+        }
+    }
+    best.map(|best| best.1)
+}
+
+/// The states at which the loops close, each with its index in the sample, if they close at most of
+/// them and these measured coordinates agree there.
+///
+/// - `places`: indices into the measured coordinates of the sample.
+fn agreeing<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    places: &[usize],
+) -> Option<Vec<(usize, Vec<f64>)>> {
+    let measured: Option<Vec<usize>> = places
+        .iter()
+        .map(|k| sample.measured.get(*k).copied())
+        .collect();
+    let measured = measured?;
+    let ones = vec![1.0; measured.len()];
+    let completion = Completion::new(model, &measured, &ones).ok()?;
+    let mut completion = completion.limited(MAX_STEPS);
+    let still = vec![0.0; measured.len()];
+    let every = sample.states.len().div_ceil(COMPARED_STATES).max(1);
+    let (mut tried, mut out) = (0_usize, Vec::new());
+    // of each position: its sum, the sum of its squares, and that of the squared deviations
+    let mut sums = vec![[0.0_f64; 3]; measured.len()];
+    for (k, state) in sample.states.iter().enumerate().step_by(every) {
+        tried += 1;
+        let own: Option<Vec<f64>> = places
+            .iter()
+            .map(|p| state.motion[0].get(*p).copied())
+            .collect();
+        let own = own?;
+        let Ok(Completed::State(full)) = completion.complete(&own, &still, &still) else {
+            continue;
+        };
+        for ((sums, y), c) in sums.iter_mut().zip(&own).zip(&measured) {
+            let off = y - full.q.get(*c)?;
+            for (sum, more) in sums.iter_mut().zip([*y, y * y, off * off]) {
+                *sum += more;
+            }
+        }
+        out.push((k, full.q));
+    }
+    let n = out.len() as f64;
+    let agree = sums.iter().all(|[sum, squares, off]| {
+        let spread = squares / n - (sum / n).powi(2);
+        off / n <= MAX_DEVIATION.powi(2) * spread
+    });
+    (n >= MIN_COMPARED_PART * tried as f64 && tried > 0 && agree).then_some(out)
+}
 
 /// A hypothesis on how positions and efforts are to be read.
 struct Candidate {
@@ -123,8 +237,15 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         }
     }
     let after = best_errors?;
+    // a constant explains a weight in a wrong unit as well, but is one unknown more
+    let has_offsets = efforts.is_some_and(|change| change.offsets.iter().any(|o| *o != 0.0));
+    let needed = if has_offsets {
+        1.0 / EQUIVALENT_RATIO
+    } else {
+        MIN_GAIN_OVER_EFFORTS
+    };
     if let Some(rival) = rival
-        && quality(&rival.errors) < MIN_GAIN_OVER_EFFORTS * quality(&after)
+        && quality(&rival.errors) < needed * quality(&after)
     {
         return None;
     }
@@ -159,6 +280,31 @@ fn explained<M: BaseModel<f64> + ?Sized>(
         let error = equation.and_then(|i| errors.get(i));
         error.is_none_or(|error| *error < MAX_EXPLAINED_ERROR)
     })
+}
+
+/// Whether a measured coordinate moves: another unit of one that does not is only another posture.
+fn moves(sample: &Sample, k: usize) -> bool {
+    let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+        (low.min(*x), high.max(*x))
+    });
+    // a filter leaves rounding errors
+    high - low > 1e-9 * low.abs().max(high.abs())
+}
+
+/// Whether a measured coordinate is within its limits only with the other sign.
+fn is_mirrored<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, k: usize) -> bool {
+    let joints = model.info().joints;
+    let joint = sample.measured.get(k).and_then(|c| joints.get(*c));
+    let Some([low, high]) = joint.and_then(|joint| joint.limits.position) else {
+        return false;
+    };
+    let within = |sign: f64| {
+        let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+        let inside = values.filter(|q| (low..=high).contains(&(sign * **q)));
+        2 * inside.count() > sample.states.len()
+    };
+    !within(1.0) && within(-1.0)
 }
 
 /// All hypotheses on the units, the signs and the exchange of positions, starting from these
@@ -204,7 +350,25 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
             out.push(plain(scaled(&|c| motion(c) == kind), 1));
         }
     }
-    for (k, c) in sample.measured.iter().enumerate() {
+    let mirrored: Vec<usize> = (0..sample.measured.len())
+        .filter(|k| is_mirrored(model, sample, *k))
+        .collect();
+    if mirrored.len() > 1 {
+        let mut flipped = plain(positions.to_vec(), mirrored.len());
+        for k in mirrored {
+            flipped.positions[k].factor *= -1.0;
+            if let Some(a) = actuator(sample.measured[k]) {
+                flipped.efforts[a].factor *= -1.0;
+            }
+        }
+        out.push(flipped);
+    }
+    for (k, c) in sample
+        .measured
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| moves(sample, *k))
+    {
         if sample.measured.len() > 1 {
             out.push(plain(scaled(&|other| other == *c), 1));
         }

@@ -1,14 +1,21 @@
 //! Tries a model on a log as it was read, so that a change of the spec is advised only where it fits
 //! the log better.
 
-use super::grams::Grams;
+use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
-use super::{EffortChange, Reading, Remedy, STATES, Sample, Suspicion, quality};
+use super::{
+    EffortChange, MIN_EQUATIONS_PER_PARAMETER, Reading, Remedy, STATES, Sample, Suspicion,
+    implausible_count, quality,
+};
 use regen_runtime::BaseModel;
 
+/// The part that another gravity may leave of the largest error.
+const MAX_LEFT_OF_WORST: f64 = 0.8;
 /// The factor by which another gravity must reduce the product of errors, as half of it is not an
 /// accident.
 const MIN_GAIN: f64 = 2.0;
+/// The same, where it leaves fewer inertias negative.
+const MIN_GAIN_IF_PLAUSIBLE: f64 = 1.3;
 /// A change of the spec may increase the product of errors by this factor if the nominal bodies then
 /// explain the efforts.
 const MAX_LOSS: f64 = 1.05;
@@ -16,6 +23,15 @@ const MAX_LOSS: f64 = 1.05;
 const MIN_GAIN_OF_NOMINAL: f64 = 3.0;
 /// The largest part of an effort that the nominal bodies may leave after a change of the spec.
 const MAX_LEFT_BY_NOMINAL: f64 = 0.5;
+/// Distances of states, s, at which residuals are correlated: beyond the memory of usual filters, within the
+/// motion.
+const LAGS: [f64; 3] = [0.05, 0.1, 0.2];
+/// With a smaller correlation they are noise.
+const MAX_CORRELATION_OF_NOISE: f64 = 0.35;
+/// With fewer pairs of states nothing is said of that.
+const MIN_PAIRS: usize = 50;
+/// The number of states of a short trial, unless the parameters need more.
+const FEW_STATES: usize = 150;
 /// What is left of the efforts below this is normal, and no other spec is tried.
 const MIN_DOUBTED_ERROR: f64 = 0.03;
 
@@ -27,34 +43,95 @@ pub struct Trial {
     /// What the nominal bodies leave of the effort of each equation, over the same; empty where they
     /// are not known.
     pub nominal: Vec<f64>,
+    /// The largest correlation of residuals at [`LAGS`], of any equation: that of noise is small.
+    pub correlation: f64,
+    /// How many directions have a negative inertia, and how many joints are driven by their friction.
+    pub implausible: usize,
 }
 
 /// Fits a model to a sample of a log; `None` where the loops do not close or an effort is constant.
 pub fn trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Trial> {
-    of(model, &grams(model, sample)?, &[])
+    of(model, sample, &grams(model, sample, STATES)?, &[])
 }
 
-fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Grams> {
-    let every = sample.states.len().div_ceil(STATES).max(1);
+/// As [`trial`], with few states: enough to see whether it is worth one with all.
+pub fn short_trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Trial> {
+    let (columns, dof) = (model.base_info().base.len(), model.info().dof());
+    let least = (MIN_EQUATIONS_PER_PARAMETER * columns).div_ceil(dof.max(1));
+    of(
+        model,
+        sample,
+        &grams(model, sample, FEW_STATES.max(least))?,
+        &[],
+    )
+}
+
+fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, states: usize) -> Option<Grams> {
+    let every = sample.states.len().div_ceil(states).max(1);
     let plain = Reading::plain(sample.measured.len());
     Grams::of(model, sample, &plain, every).filter(Grams::closes)
 }
 
 /// The fit with a free constant in some efforts.
-fn of<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, offsets: &[usize]) -> Option<Trial> {
+fn of<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    grams: &Grams,
+    offsets: &[usize],
+) -> Option<Trial> {
     let read = Reading::plain(model.info().actuated.len());
+    let fit = grams.fit(&read, offsets)?;
     Some(Trial {
-        errors: grams.fit(&read, offsets)?.errors,
+        correlation: correlation(sample, grams, &fit),
+        implausible: implausible_count(model, grams, &fit),
+        errors: fit.errors,
         nominal: grams
             .errors_of_nominal(model, &read, offsets)
             .unwrap_or_default(),
     })
 }
 
+/// The largest correlation of the residuals of any equation at [`LAGS`].
+fn correlation(sample: &Sample, grams: &Grams, fit: &Fit) -> f64 {
+    let time = |own: &Stored| sample.states.get(own.state).map_or(f64::NAN, |s| s.time);
+    let mut out: f64 = 0.0;
+    for lag in LAGS {
+        let mut pairs = Vec::new();
+        let mut begin = 0;
+        for (k, own) in grams.stored.iter().enumerate() {
+            while begin < k && time(own) - time(&grams.stored[begin]) > 1.2 * lag {
+                begin += 1;
+            }
+            if begin < k && time(own) - time(&grams.stored[begin]) > 0.8 * lag {
+                pairs.push((begin, k));
+            }
+        }
+        if pairs.len() < MIN_PAIRS {
+            continue;
+        }
+        for i in 0..grams.rows() {
+            let left: Vec<f64> = (grams.stored.iter())
+                .map(|own| own.residual(i, &fit.values))
+                .collect();
+            let products = pairs.iter().map(|(a, b)| left[*a] * left[*b]);
+            let squares = pairs
+                .iter()
+                .map(|(a, b)| 0.5 * (left[*a].powi(2) + left[*b].powi(2)));
+            let (sum, squares) = (products.sum::<f64>(), squares.sum::<f64>());
+            if squares > 0.0 {
+                out = out.max((sum / squares).abs());
+            }
+        }
+    }
+    if out > 0.0 { out } else { 1.0 }
+}
+
 impl Trial {
     /// Whether a log may contradict the model, so that it is worth trying others.
     pub fn is_doubtful(&self) -> bool {
-        self.errors.iter().any(|e| *e > MIN_DOUBTED_ERROR)
+        let is_noise = self.correlation < MAX_CORRELATION_OF_NOISE;
+        (self.errors.iter().any(|e| *e > MIN_DOUBTED_ERROR) && !is_noise)
+            || self.implausible > 0
             || self.nominal.iter().any(|e| *e > MAX_LEFT_BY_NOMINAL)
     }
 
@@ -76,7 +153,13 @@ impl Trial {
         let by_nominal = known && explained && nominal >= MIN_GAIN_OF_NOMINAL;
         // bodies that fitted before are not those of a robot under another gravity
         let against = known && nominal < 1.0 / MIN_GAIN;
-        ((gain >= MIN_GAIN && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
+        let needed = if self.implausible < other.implausible {
+            MIN_GAIN_IF_PLAUSIBLE
+        } else {
+            MIN_GAIN
+        };
+        let worst = self.worst() < MAX_LEFT_OF_WORST * other.worst();
+        ((gain >= needed && worst && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
             .then_some(gain * if known { nominal } else { 1.0 })
     }
 
@@ -130,8 +213,8 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
     sample: &Sample,
 ) -> Option<(Suspicion, Trial)> {
     let (model, info) = (columns.model, columns.model.info());
-    let grams = grams(model, sample)?;
-    let before = of(model, &grams, &[])?;
+    let grams = grams(model, sample, STATES)?;
+    let before = of(model, sample, &grams, &[])?;
     let has_offset = |k: &usize| {
         let name = info.actuated.get(*k).map(|c| columns.name(*c));
         let offset = name.map(|name| {
@@ -146,7 +229,7 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
     for k in (0..info.actuated.len()).filter(|k| !has_offset(k)) {
         let mut more = offsets.clone();
         more.push(k);
-        let Some(found) = of(model, &grams, &more) else {
+        let Some(found) = of(model, sample, &grams, &more) else {
             continue;
         };
         // friction that differs between both directions takes a constant up

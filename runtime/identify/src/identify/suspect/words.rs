@@ -3,7 +3,8 @@
 use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
-use super::{Change, Nominal, Reading, Sample, Shift, Spikes};
+use super::positions::Contradiction;
+use super::{Change, FarEffort, MissingConstant, Nominal, Reading, Sample, Shift, Spikes};
 use crate::data::{Assignment, Quantity};
 use crate::text;
 
@@ -14,6 +15,13 @@ const UNITS: [(f64, &str); 5] = [
     (std::f64::consts::PI / 180.0, "in degrees"),
     (9.806_65, "in kgf"),
     (0.01, "in cm"),
+];
+
+/// The same for positions.
+const POSITION_UNITS: [(f64, &str); 3] = [
+    (std::f64::consts::PI / 180.0, "to be in degrees"),
+    (1e-3, "to be in mm"),
+    (0.01, "to be in cm"),
 ];
 
 /// The evidence of the nominal bodies for the signs that a change flips, where they agree with it.
@@ -106,6 +114,51 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         }
     }
 
+    /// The suspicion that a position contradicts the others, which are enough to know it.
+    pub(super) fn contradicting(&self, sample: &Sample, found: Contradiction) -> Option<Suspicion> {
+        let name = self.name(*sample.measured.get(found.place)?);
+        let source = self.source(&Quantity::Position(name.clone()));
+        let known = POSITION_UNITS.iter().find_map(|(factor, words)| {
+            let near = (found.factor.abs() * factor - 1.0).abs() < 0.02;
+            near.then_some((factor.copysign(found.factor), *words))
+        });
+        let one = (found.factor.abs() - 1.0).abs() < 0.02;
+        let shifted = one && found.factor > 0.0;
+        let (factor, words) = match known {
+            _ if shifted => (1.0, format!("is {} off", text::figure(found.offset))),
+            _ if one => (-1.0, "has the other sign".to_owned()),
+            Some((factor, words)) => (factor, format!("looks {words}")),
+            None => {
+                let times = text::figure_of(3, found.factor);
+                (
+                    rounded(1.0 / found.factor),
+                    format!("is {times} times that"),
+                )
+            }
+        };
+        let column = &source.column;
+        let what = format!(
+            "column `{column}` contradicts the other positions, which determine `{name}` without it: it \
+             {words}"
+        );
+        let remedy = if shifted {
+            let offset = text::figure(source.offset - found.offset);
+            Remedy::Read {
+                advice: vec![format!(
+                    "Give `{name}` in the columns of the experiment file `offset: {offset}`, or leave \
+                     the column out"
+                )],
+                columns: Vec::new(),
+            }
+        } else {
+            Remedy::columns(vec![Assignment {
+                factor: source.factor * factor,
+                ..source
+            }])
+        };
+        Some(self.suspicion(what, remedy))
+    }
+
     /// The suspicion that these efforts are not what acted in some rows.
     pub(super) fn spikes(&self, spikes: &[Spikes]) -> Option<Suspicion> {
         let one = |own: &Spikes| {
@@ -133,6 +186,45 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             };
             self.suspicion(words.join(", and "), remedy)
         })
+    }
+
+    /// The suspicion that something is of the wrong sign, as these coordinates have negative inertias.
+    pub(super) fn light(&self, coordinates: &[usize]) -> Suspicion {
+        let names = coordinates.iter().map(|c| format!("`{}`", self.name(*c)));
+        let names = names.collect::<Vec<_>>().join(", ");
+        self.suspicion(
+            format!("these parameters make the inertia of {names} negative"),
+            Remedy::Read {
+                advice: vec![
+                    "The sign of an effort or of a position, the delay of an effort or the spec's \
+                     gravity may be wrong"
+                        .to_owned(),
+                ],
+                columns: Vec::new(),
+            },
+        )
+    }
+
+    /// The suspicion that efforts are not what acted in a part of the log.
+    pub(super) fn far(&self, efforts: &[FarEffort]) -> Option<Suspicion> {
+        let one = |own: &FarEffort| {
+            let source = self.effort(own.effort);
+            let size = |x: f64| text::figure_of(3, (x / source.factor).abs());
+            let [first, last] = own.times.map(text::figure);
+            let when = if first == last {
+                format!("at {first} s")
+            } else {
+                format!("from {first} s to {last} s")
+            };
+            format!(
+                "column `{}` is up to {} off what the model explains of it {when}, and {} elsewhere",
+                source.column,
+                size(own.largest),
+                size(own.usual),
+            )
+        };
+        let words: Vec<String> = efforts.iter().map(one).collect();
+        (!words.is_empty()).then(|| self.suspicion(words.join(", and "), Remedy::Bounded))
     }
 
     /// The suspicion that these efforts have constant offsets, which direction-dependent friction
@@ -172,6 +264,45 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         })
     }
 
+    /// The suspicion that efforts contain constants that the model lacks; `None` if there are none.
+    pub(super) fn with_constants(&self, found: &[MissingConstant]) -> Option<Suspicion> {
+        let (mut words, mut joints, mut subtract) = (Vec::new(), Vec::new(), Vec::new());
+        for own in found {
+            let source = self.effort(own.effort);
+            let coordinate = self.model.info().actuated.get(own.effort).copied();
+            let value = text::figure_of(3, own.value / source.factor);
+            words.push(format!(
+                "column `{}` contains a constant of {value} that the model lacks",
+                source.column
+            ));
+            joints.push(format!(
+                "`{}`",
+                coordinate.map_or_else(String::new, |c| self.name(c))
+            ));
+            subtract.push(format!("{value} from column `{}`", source.column));
+        }
+        let advice = format!(
+            "Give {} `offset: true` in the spec, which identifies it, or subtract {}",
+            joints.join(" and "),
+            subtract.join(" and ")
+        );
+        (!words.is_empty()).then(|| {
+            let remedy = Remedy::Read {
+                advice: vec![advice],
+                columns: Vec::new(),
+            };
+            let [before, after] = [0, 1].map(|place| {
+                let errors = found.iter().map(|own| own.errors[place]);
+                Some(100.0 * errors.fold(0.0, f64::max))
+            });
+            Suspicion {
+                error: before,
+                changed: after,
+                ..self.suspicion(words.join(", and "), remedy)
+            }
+        })
+    }
+
     /// The suspicion that a change of columns corrects the log; `None` if it changes nothing.
     ///
     /// - `nominal`: the comparison with the nominal bodies' efforts, with the change.
@@ -196,8 +327,29 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let mut words = Vec::new();
         let mut columns = Vec::new();
         self.describe(&positions, &change.positions, &[], &mut words, &mut columns);
+        columns.extend(self.with_derivatives(&columns, sample));
+        let mut shifted = Vec::new();
+        for (quantity, reading) in positions.iter().zip(&change.positions) {
+            if reading.offset != 0.0 {
+                let source = self.source(quantity);
+                let offset = -reading.offset / source.factor;
+                let unit = if source.factor == 1.0 {
+                    ""
+                } else {
+                    " in its unit"
+                };
+                words.push(format!(
+                    "column `{}` looks shifted by {offset:.5}{unit}: its zero is not that of the spec",
+                    source.column
+                ));
+                shifted.push(format!("{offset:.5} from column `{}`", source.column));
+            }
+        }
         self.describe(&efforts, &change.efforts, &own, &mut words, &mut columns);
         let mut advice = Vec::new();
+        if !shifted.is_empty() {
+            advice.push(format!("Subtract {}", shifted.join(" and ")));
+        }
         let mut shifted = Vec::new();
         let mut symmetric = false;
         for (k, offset) in change.offsets.iter().enumerate().filter(|o| *o.1 != 0.0) {
@@ -256,6 +408,36 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             efforts: each.collect(),
             remedy: Remedy::Read { advice, columns },
         })
+    }
+
+    /// The assignments of the velocities and accelerations that the log has, which agree with its positions,
+    /// where these are read in another way.
+    fn with_derivatives(&self, positions: &[Assignment], sample: &Sample) -> Vec<Assignment> {
+        let kinds: [fn(String) -> Quantity; 2] = [Quantity::Velocity, Quantity::Acceleration];
+        let names = |of: &Quantity| of.coordinate().map(str::to_owned);
+        let measured = sample.measured.iter().map(|c| self.name(*c));
+        let sources: Vec<(String, Assignment)> = measured
+            .map(|name| (name.clone(), self.source(&Quantity::Position(name))))
+            .collect();
+        let mut out = Vec::new();
+        for (new, kind) in positions
+            .iter()
+            .flat_map(|new| kinds.map(|kind| (new, kind)))
+        {
+            let from = sources.iter().find(|(_, own)| own.column == new.column);
+            let (Some(to), Some((from, old))) = (names(&new.quantity), from) else {
+                continue;
+            };
+            let source = self.source(&kind(from.clone()));
+            if sample.titles.contains(&source.column) {
+                out.push(Assignment {
+                    quantity: kind(to),
+                    factor: source.factor * new.factor / old.factor,
+                    ..source
+                });
+            }
+        }
+        out
     }
 
     /// Appends the words and the assignments for the changed quantities of one kind.

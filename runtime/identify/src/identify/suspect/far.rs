@@ -1,0 +1,67 @@
+//! Stretches in which an effort is far from what the model explains of it.
+
+use super::grams::{Fit, Grams};
+use super::{FarEffort, Sample};
+
+/// The smallest residual of such a state, in robust deviations.
+const MIN_DEVIATIONS: f64 = 12.0;
+/// The same, in the rms of the effort's residuals if it were not explained at all.
+const MIN_PART: f64 = 0.5;
+/// The largest part of the states in which an effort is far off: more is no burst.
+const MAX_FAR_PART: f64 = 0.1;
+/// The largest number of stretches of an effort.
+const MAX_STRETCHES: usize = 3;
+/// States further apart than this many usual distances belong to two stretches.
+const MAX_APART: usize = 3;
+/// A median absolute deviation times this is a standard deviation.
+const DEVIATION_OF_MEDIAN: f64 = 1.4826;
+
+/// The efforts that are far off in a few stretches, and the states of these.
+pub(super) fn efforts(sample: &Sample, grams: &Grams, fit: &Fit) -> (Vec<FarEffort>, Vec<usize>) {
+    let (mut out, mut states) = (Vec::new(), Vec::new());
+    for i in 0..grams.rows() {
+        let Some(effort) = grams.only_effort(i) else {
+            continue;
+        };
+        let residuals: Vec<(usize, f64)> = grams
+            .stored
+            .iter()
+            .map(|own| (own.state, own.residual(i, &fit.values)))
+            .collect();
+        let mut sizes: Vec<f64> = residuals.iter().map(|(_, r)| r.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let (Some(median), Some(spread)) = (sizes.get(sizes.len() / 2), fit.spreads.get(i)) else {
+            continue;
+        };
+        let least = (MIN_DEVIATIONS * DEVIATION_OF_MEDIAN * median).max(MIN_PART * spread);
+        let far: Vec<usize> = (0..residuals.len())
+            .filter(|k| residuals.get(*k).is_some_and(|(_, r)| r.abs() > least))
+            .collect();
+        let is_rare = (far.len() as f64) < MAX_FAR_PART * residuals.len() as f64;
+        let (Some(first), Some(last), true) = (far.first(), far.last(), is_rare) else {
+            continue;
+        };
+        let apart = far.windows(2).filter(|pair| pair[1] - pair[0] > MAX_APART);
+        if apart.count() >= MAX_STRETCHES {
+            continue;
+        }
+        let time = |k: &usize| {
+            let state = residuals.get(*k).and_then(|own| sample.states.get(own.0));
+            state.map_or(f64::NAN, |state| state.time)
+        };
+        out.push(FarEffort {
+            effort,
+            times: [time(first), time(last)],
+            largest: sizes.last().copied().unwrap_or(0.0),
+            usual: DEVIATION_OF_MEDIAN * median,
+        });
+        states.extend(
+            far.iter()
+                .filter_map(|k| residuals.get(*k))
+                .map(|own| own.0),
+        );
+    }
+    states.sort_unstable();
+    states.dedup();
+    (out, states)
+}
