@@ -124,7 +124,8 @@ fn lugre_friction_is_identified_from_a_simulation() {
             Pid {
                 kp: 20.0,
                 ki: 0.0,
-                kd: 1.0
+                kd: 1.0,
+                ..Pid::default()
             };
             info.actuated.len()
         ],

@@ -27,7 +27,15 @@ fn swing(info: &Info<'_>, size: f64) -> impl Fn(f64, &mut [f64], &mut [f64], &mu
 }
 
 fn pid(info: &Info<'_>, kp: f64, ki: f64, kd: f64) -> Vec<Pid> {
-    vec![Pid { kp, ki, kd }; info.actuated.len()]
+    vec![
+        Pid {
+            kp,
+            ki,
+            kd,
+            ..Pid::default()
+        };
+        info.actuated.len()
+    ]
 }
 
 #[test]

@@ -22,6 +22,12 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
     } else {
         OfArg::Dynamics
     };
+    if !has_loops && matches!(args.of, Some(OfArg::Closure | OfArg::Jacobian | OfArg::X)) {
+        return Err(Failure::Input(format!(
+            "{}: the robot has no loops, so that there is nothing to close: --of regressor or dynamics",
+            args.file.display()
+        )));
+    }
     let of = match args.of.unwrap_or(default) {
         OfArg::Closure => EquationSet::Closure,
         OfArg::Jacobian => EquationSet::Jacobian,

@@ -15,6 +15,9 @@ use crate::exit::Failure;
 use crate::{interrupt, load, observe, progress, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
+/// The least pivot of A_e where none is given.
+const MARGIN: f64 = 0.05;
+
 /// Runs the command.
 pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     let robot = load::loaded_derived(&load::source(&args.file)?, args.payload)?;
@@ -23,6 +26,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     observe::require_base(&model, &robot.name)?;
     let info = model.info();
     let settings = settings(args, &info)?;
+    require_used(args, &info, settings.nominal.is_some())?;
     let limited = settings.limits.iter().any(|limit| limit.effort.is_some());
     if limited && settings.nominal.is_none() {
         let mut values = info.nominal.to_vec();
@@ -133,7 +137,7 @@ fn settings(args: &ExciteArgs, info: &Info<'_>) -> Result<Settings, Failure> {
             CriterionArg::Smallest => Criterion::SmallestSingular,
         },
         at_rest: args.at_rest,
-        singular_margin: args.margin,
+        singular_margin: args.margin.unwrap_or(MARGIN),
         seed: args.seed,
         starts: args.starts,
         threads: args.threads,
@@ -174,6 +178,39 @@ fn settings(args: &ExciteArgs, info: &Info<'_>) -> Result<Settings, Failure> {
         *slot = given.angle;
     }
     Ok(settings)
+}
+
+/// Refuses limits that the search does not regard.
+fn require_used(args: &ExciteArgs, info: &Info<'_>, has_nominal: bool) -> Result<(), Failure> {
+    // trees have no singularities of closure
+    if args.margin.is_some() && info.dof() == info.coordinates.len() {
+        let text = "--margin has no effect here: the robot has no loops, and so no pivots of A_e";
+        return Err(Failure::Usage(text.to_owned()));
+    }
+    let mut efforts = args.limit.iter().filter(|own| own.quantity == "effort");
+    let Some(first) = efforts.next() else {
+        return Ok(());
+    };
+    let is_driven = |name: &str| {
+        info.index_of(name)
+            .is_some_and(|c| info.actuated.contains(&c))
+    };
+    let passive = std::iter::once(first)
+        .chain(efforts)
+        .find(|own| !is_driven(&own.coordinate));
+    let why = if let Some(own) = passive {
+        format!("{} has no motor", own.coordinate)
+    } else if !has_nominal {
+        "efforts follow from nominal values, of which the spec lacks some".to_owned()
+    } else if info.actuated.len() != info.dof() {
+        "actuators share the efforts, for there are more than one each".to_owned()
+    } else {
+        return Ok(());
+    };
+    let name = &passive.unwrap_or(first).coordinate;
+    Err(Failure::Input(format!(
+        "--limit {name}.effort has no effect here: {why}"
+    )))
 }
 
 fn show(bar: &ProgressBar, progress: Progress) {

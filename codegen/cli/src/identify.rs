@@ -4,7 +4,7 @@ use regen_codegen::robot::Robot;
 use regen_identify::data::{Assignment, DataError, ValuesFrom};
 use regen_identify::estimate::{EffortError, EstimateError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
-use regen_identify::identify::{self, Options, digest};
+use regen_identify::identify::{self, EquationKind, Options, digest};
 use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
 use regen_identify::session::{
     self, Choice, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
@@ -100,6 +100,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
+    if args.weighting == WeightingArg::Equal {
+        require_several(&model, observe::kind(&args.reading))?;
+    }
     let mut args = args.clone();
     let simulates = matches!(
         args.estimator,
@@ -192,6 +195,19 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     }
     identify_simulated::require_determined(&json.summary)?;
     physical::require_optimum(&identified)
+}
+
+/// Refuses weights of efforts against each other where there is one equation.
+pub(crate) fn require_several(model: &Interpreted<'_>, kind: EquationKind) -> Result<(), Failure> {
+    let why = if kind != EquationKind::Forces {
+        "the energy balance is one equation"
+    } else if model.info().dof() < 2 {
+        "there is one effort, and it has no weight against others"
+    } else {
+        return Ok(());
+    };
+    let text = format!("--weighting has no effect here: {why}");
+    Err(Failure::Usage(text))
 }
 
 /// Whether no option names the loss of the residuals, and Huber's is possible.

@@ -42,6 +42,7 @@ pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
         (args.cross, "--cross"),
         (args.bandwidth.is_some(), "--bandwidth"),
         (args.reading.energy.is_some(), "--energy"),
+        (args.no_suspicion, "--no-suspicion"),
         (physical.friction, "--friction"),
         (physical.reduce, "--reduce"),
         (!physical.against.is_empty(), "--against"),

@@ -1,5 +1,6 @@
 //! `regen identify --estimator`: the estimators that simulate the controlled robot.
 
+mod against;
 mod controllers;
 mod estimator;
 mod failures;
@@ -45,7 +46,24 @@ pub(crate) fn solve(
         let known: Vec<Option<&Setup>> = places.iter().map(of_track).collect();
         of_efforts(args, session, (&all, &known), &start)?
     } else {
-        of_responses(args, session, &all, common(args, setups)?, &start)?
+        let setup = common(args, setups)?;
+        let (found, mut summary, shares) =
+            of_responses(args, session, &all, setup.clone(), &start)?;
+        let efforts = against::Efforts::of(args, session.model);
+        let errors = efforts.as_ref().and_then(|own| own.errors(&found));
+        if let (Some(efforts), Some(errors)) = (&efforts, errors)
+            && against::contradicts(errors)
+        {
+            let other = efforts.nearest_loop(&all, &setup);
+            let better = other.and_then(|other| {
+                let least = efforts.least_squares();
+                let fitted = of_responses(args, session, &all, other.clone(), least).ok()?;
+                Some((other, efforts.errors(&fitted.0)?))
+            });
+            terminal::note(&against::warning(errors, better.as_ref()));
+        }
+        summary.simulated = summary.simulated.map(|own| own.with_efforts(errors));
+        (found, summary, shares)
     };
     let mut logs: Vec<String> = args.logs.iter().map(|run| stem(&run.to_string())).collect();
     logs.sort();
@@ -225,6 +243,11 @@ impl<'a> Loops<'a> {
         }
         if args.simulated.controller.is_some() && !args.pid.is_empty() {
             let text = "--pid and --controller both give the controllers: use one of them";
+            return Err(Failure::Usage(text.to_owned()));
+        }
+        if wanted.is_some() && known.iter().all(Option::is_some) {
+            let text = "--loop-bandwidth has no effect here: the gains of the controllers of all logs are \
+                        given";
             return Err(Failure::Usage(text.to_owned()));
         }
         for setup in known.iter().copied().flatten() {

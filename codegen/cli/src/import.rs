@@ -55,6 +55,18 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
     };
     let mut imported = regen_import::import(&source, &mut reader, &options)
         .map_err(|reports| Failure::Spec(advised(reports)))?;
+    if args.geared {
+        let plain = Options {
+            geared: false,
+            ..options
+        };
+        let plain = regen_import::import(&source, &mut reader, &plain);
+        if plain.is_ok_and(|plain| plain.spec == imported.spec) {
+            let text = "--geared has no effect here: the file states friction and rotors of all joints with \
+                        motors, or has no such joint";
+            return Err(Failure::Usage(text.to_owned()));
+        }
+    }
     for note in &mut imported.notes {
         if note.changes_digits {
             note.text.push_str("; --exact keeps the digits");

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_identify::data::{Assignment, Checks, Policy, Run, Settings};
+use regen_identify::data::{Assignment, Checks, DataError, Policy, Run, Settings};
 use regen_identify::experiment_file::ExperimentFile;
 use regen_identify::session::{Choice, chosen as filter_of};
 use regen_identify::signals::Method;
@@ -63,6 +63,18 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         .iter()
         .map(|run| inspect(run, &settings, info.as_ref()))
         .collect::<Result<Vec<LogFacts>, _>>()?;
+    if settings.rate.is_some()
+        && let Some((log, column)) = logs.iter().find_map(|log| {
+            let mut columns = log.columns.iter();
+            let time = columns.find(|column| ["t", "time"].contains(&column.name.as_str()))?;
+            Some((&log.log, &time.name))
+        })
+    {
+        return Err(Failure::Input(format!(
+            "{log}: the column `{column}` has the time of the rows, and a rate is stated too: leave out \
+             the rate, or rename the column if it is no time in s"
+        )));
+    }
     let mut filter = None;
     let (prediction, doubts, unpredicted) = match (&model, &robot) {
         (Some(model), Some(robot)) => {
@@ -398,7 +410,18 @@ fn predicted(
     }
     let mut opened = match session.open(&runs) {
         Ok(opened) => opened,
-        Err(error) => return Ok(Err(Failure::from(error).to_string())),
+        Err(error) => {
+            // what the log lacks for an option is no fact of the log
+            let own = &args.reading;
+            let is_asked =
+                own.velocities.is_some() || !(own.deviation.is_empty() && own.delay.is_empty());
+            let is_refused = matches!(error, DataError::ColumnLayout { .. });
+            let failure = Failure::from(error);
+            if is_asked && is_refused {
+                return Err(failure);
+            }
+            return Ok(Err(failure.to_string()));
+        }
     };
     let reports = opened.logs().reports();
     let rows = reports.iter().map(|report| report.rows).sum();

@@ -23,8 +23,12 @@ use crate::terminal;
 /// Largest file of states, factors or trajectories, in bytes: some million states.
 const MAX_BYTES: usize = 1 << 28;
 
-/// Whether a YAML text has this key at its top, such as `limbs`, by which a spec is known.
+/// Whether a YAML text has this key at its top, such as `limbs`, by which a spec is known; also one in braces.
 pub(crate) fn has_key(text: &str, key: &str) -> bool {
+    if text.trim_start().starts_with('{') {
+        let read = regen_identify::files::Format::Yaml.value(text);
+        return read.is_ok_and(|value| value.get(key).is_some());
+    }
     let mut after = text.lines().filter_map(|line| line.strip_prefix(key));
     after.any(|rest| rest.starts_with(':'))
 }

@@ -87,6 +87,11 @@ pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
                     drop or keep";
         return Err(Failure::Input(text.to_owned()));
     }
+    if settings.standstill == Standstill::Keep && settings.rest_speed > 0.0 {
+        let text = "a speed below which joints rest has no effect where equations of joints at rest are used \
+                    like all others (keep): leave one of them out";
+        return Err(Failure::Input(text.to_owned()));
+    }
     Ok(())
 }
 

@@ -26,8 +26,8 @@ use crate::exit::Failure;
 use crate::experiment::Experiment;
 use crate::simulate::{self, Described};
 use crate::{
-    choice, experiment, identify_simulated, interrupt, load, loads, observe, path, progress, table,
-    terminal,
+    choice, experiment, identify, identify_simulated, interrupt, load, loads, observe, path,
+    progress, table, terminal,
 };
 use scratch::Folder;
 
@@ -59,10 +59,28 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
         Some(plan) if plan.carries() => load::with_base(&source)?,
         _ => load::loaded_with_base(&source, reading.payload)?,
     };
+    if let Some((name, _)) = args.gain.first() {
+        let unknown = plan.as_ref().map_or(&[][..], |plan| &plan.unknown_gains);
+        if let Some(other) = args.gain.iter().find(|(own, _)| !unknown.contains(own)) {
+            let name = if unknown.is_empty() { name } else { &other.0 };
+            let known = if unknown.is_empty() {
+                "none has".to_owned()
+            } else {
+                format!("these have: {}", unknown.join(", "))
+            };
+            return Err(Failure::Input(format!(
+                "--gain {name}: its drive has no unknown gain in the experiment file (`gain: unknown`); \
+                 {known}"
+            )));
+        }
+    }
     let loads = plan.map(|plan| of_plan(args, &plan, &robot, &reading, &logs));
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
+    if args.solving.weighting == WeightingArg::Equal {
+        identify::require_several(&model, observe::kind(&reading))?;
+    }
     let motion = path::of(args.twin.trajectory.as_deref(), &model)?;
     let (durations, step) = runs(args, &logs, &reading, &model, &motion)?;
     let described = Described {
@@ -94,6 +112,10 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
             columns: Vec::new(),
             format: regen_identify::data::Format::default(),
             rate: None,
+            topic: None,
+            episode: None,
+            deviations: Vec::new(),
+            measured_rates: None,
             ..observe::settings(&reading)
         },
         kind: if simulates {
@@ -228,7 +250,6 @@ fn check(args: &RehearseArgs) -> Result<(), Failure> {
     let is = |estimators: &[EstimatorArg]| estimators.contains(&own.estimator);
     let (ls, huber) = (EstimatorArg::Ls, EstimatorArg::Huber);
     let (iv, didim) = (EstimatorArg::Iv, EstimatorArg::Didim);
-    let simulates = is(&[didim, EstimatorArg::Response]);
     let physical = own.feasible || own.friction;
     let unused = [
         (own.huber.is_some() && !is(&[ls, huber]), "--huber"),
@@ -242,8 +263,6 @@ fn check(args: &RehearseArgs) -> Result<(), Failure> {
         ),
         (reading.energy.is_some() && !is(&[ls, huber]), "--energy"),
         (reading.energy.is_some() && own.friction, "--energy"),
-        (!reading.delay.is_empty() && simulates, "--delay"),
-        (reading.period.is_some() && simulates, "--period"),
     ];
     if let Some((_, option)) = unused.iter().find(|(is, _)| *is) {
         return Err(Failure::Usage(format!(
@@ -253,7 +272,6 @@ fn check(args: &RehearseArgs) -> Result<(), Failure> {
     let of_real_logs = [
         (!reading.column.is_empty(), "--column"),
         (reading.rate.is_some(), "--rate"),
-        (reading.velocities.is_some(), "--velocities"),
     ];
     if let Some((_, option)) = of_real_logs.iter().find(|(is, _)| *is) {
         return Err(Failure::Usage(format!(

@@ -23,6 +23,7 @@ mod json;
 mod mistakes;
 mod new;
 mod offsets;
+mod options;
 mod pages;
 mod pages_mechanics;
 mod payloads;

@@ -504,6 +504,32 @@ fn inspect_proposes_what_identification_chooses_and_keeps_what_a_file_states() {
         assert!(text.contains("filter: {butterworth: {order: 2"), "{text}");
         assert_eq!(rows(&identify(&file)), rows(&identify(&out)), "{text}");
     }
+    // a document in braces, with and without `process`
+    for (name, process) in [
+        ("braces", ""),
+        ("inner", "process: {standstill: {velocity: 1e-4}}, "),
+        (
+            "lines",
+            "process:\n    {standstill: {velocity: 1e-4},\n  },\n  ",
+        ),
+        ("empty", "\"process\": {}, "),
+    ] {
+        let (file, out) = (format!("{name}.yaml"), format!("{name}2.yaml"));
+        let given = format!(
+            "{{columns: {{tau_q1: {{column: tau_q1, gain: 1.5, unit: A}}}}, {process}\
+             runs: [{{files: [log.csv], rows: [1, 4000]}},\n {{files: [log.csv], rows: [4001, 5000], use: validate}}]}}\n"
+        );
+        fs::write(dir.join(&file), given).unwrap();
+        let text = inspect(&file, &out);
+        for stated in [
+            "gain: 1.5",
+            "rows: [4001, 5000], use: validate",
+            "filter: {butterworth: {order: 2",
+        ] {
+            assert!(text.contains(stated), "{stated}: {text}");
+        }
+        assert_eq!(rows(&identify(&file)), rows(&identify(&out)), "{text}");
+    }
     // what is stated stays as it is
     let text =
         format!("{columns}process:\n  filter: {{butterworth: {{order: 4, cutoff: 6}}}}\n{runs}");

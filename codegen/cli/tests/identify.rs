@@ -358,7 +358,7 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
     .out;
     fs::write(dir.join("printed.json"), printed).unwrap();
     run(&dir, &["validate", "cart.yaml", "printed.json", "a.csv"]).ended(0);
-    let changes: [Change; 7] = [
+    let changes: [Change; 13] = [
         (
             |file| file["robot"] = "arm".into(),
             "robot: is `arm`, and the spec's robot is `cart`",
@@ -387,6 +387,40 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
             |file| file["model"] = "0".into(),
             "these are parameters of cart with the digest 0",
         ),
+        (
+            |file| file["parameters"][1]["valeu"] = 1.into(),
+            "parameters, row 2, valeu: there is no such key",
+        ),
+        (
+            |file| {
+                drop(
+                    file["parameters"][1]
+                        .as_object_mut()
+                        .unwrap()
+                        .remove("value"),
+                )
+            },
+            "parameters, row 2: the key `value` is missing",
+        ),
+        (
+            |file| file["parameters"][0]["value"] = "1,5".into(),
+            "parameters, row 1, value: a number is needed, and not \"1,5\"",
+        ),
+        (
+            |file| file["parameters"][0]["sigma"] = "small".into(),
+            "parameters, row 1, sigma: a number is needed",
+        ),
+        (
+            |file| file["parameters"][0] = 3.into(),
+            "parameters, row 1: a row with the keys label",
+        ),
+        (
+            |file| {
+                file["gains"] =
+                    serde_json::json!([{"effort": "x", "value": 1, "unit": "N/A", "sgima": 1}])
+            },
+            "gains, row 1, sgima: there is no such key",
+        ),
     ];
     for (change, says) in changes {
         let mut file = read("p.json");
@@ -407,10 +441,32 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
             ],
         ] {
             let refused = regen(&dir, args).ended(3);
-            let named = refused.err.contains(&format!("q.json: {says}"));
+            let named = refused.err.contains(says) && refused.err.contains("--> q.json:1:");
             assert!(named, "{args:?} {says}: {}", refused.err);
         }
     }
+    // in YAML, a row is at its line
+    let yaml = run(
+        &dir,
+        &["identify", "cart.yaml", "a.csv", "--out", "good.yaml"],
+    );
+    yaml.ended(0);
+    let good = fs::read_to_string(dir.join("good.yaml")).unwrap();
+    let second = good.match_indices("combination:").nth(1).unwrap().0;
+    let line = good[..second].lines().count();
+    let wrong =
+        good[..second].to_owned() + &good[second..].replacen("combination", "combinaton", 1);
+    fs::write(dir.join("q.yaml"), wrong).unwrap();
+    let refused = regen(&dir, &["validate", "cart.yaml", "q.yaml", "a.csv"]).ended(3);
+    let place = format!("--> q.yaml:{line}:");
+    assert!(
+        refused
+            .err
+            .contains("row 2, combinaton: there is no such key")
+            && refused.err.contains(&place),
+        "{place} {}",
+        refused.err
+    );
     for (text, says) in [
         (
             "{\"Fv(x)\": 1,\n\"Fv(x)\": 2}",

@@ -139,7 +139,11 @@ fn every_estimator_is_rehearsed() {
         ("--estimator didim --reference --settle 2", "DIDIM"),
         ("--estimator response", "responses to commands"),
     ] {
-        let words = format!("{short} {more} --format json");
+        let mut words = format!("{short} {more} --format json");
+        if more.contains("response") {
+            // which compares positions as they are logged
+            words = words.replace("--butterworth 4,15", "");
+        }
         let json = run(&dir, &words).ended(0).json();
         assert_eq!(json["estimator"], name, "{more}");
         assert_eq!(json["failed"], serde_json::json!([]), "{more}");

@@ -241,7 +241,7 @@ fn a_simulation_that_fails_is_reported_and_writes_no_file() {
     says(
         &["--parameters", "p.json"],
         3,
-        "`m(9)` is not a parameter of fivebar",
+        "`m(9)`: this is not a parameter of fivebar",
     );
     says(&["--parameters", "none.json"], 5, "cannot read none.json");
     says(

@@ -211,8 +211,20 @@ fn wrong_controllers_of_an_experiment_file_are_reported_with_their_place() {
     );
     let estimated = "{files: run.csv, controller: {q1: {kp: {estimate: 1}}}}";
     assert!(told(estimated, "didim", 3).contains("leave `estimate` out"));
-    let damped = "{files: run.csv, controller: {q1: {kp: 1, damping: velocity}}}";
-    assert!(told(damped, "didim", 3).contains("--estimator response"));
+    let late = "{files: run.csv, controller: {q1: {kp: 1}, signals: {q1: {delay: 0.01}}}}";
+    assert!(told(late, "didim", 3).contains("leave `signals` out"));
+    for (keys, says) in [
+        ("latency: 0.5", "`latency`: write the number of rows"),
+        ("velocity_latency: 1", "has `damping: velocity`"),
+        ("latency: 1, action: continuous", "have no latency"),
+    ] {
+        let wrong = format!("{{files: run.csv, controller: {{q1: {{kp: 1}}, {keys}}}}}");
+        let told = told(&wrong, "didim", 3);
+        assert!(
+            told.contains("runs.yaml:2:") && told.contains(says),
+            "{keys}: {told}"
+        );
+    }
 }
 
 #[test]
@@ -273,7 +285,7 @@ fn undetermined_controller_parameters_are_named_and_exit_with_4() {
 
 #[test]
 fn missing_and_wrong_inputs_of_simulated_fits_are_reported_with_the_remedy() {
-    let dir = prepared("simulated_wrong");
+    let dir = prepared("simulated_wrong_inputs");
     let text = fs::read_to_string(dir.join("run.csv")).unwrap();
     fs::write(dir.join("bare.csv"), text.replace("cmd_q1", "target")).unwrap();
     fs::write(dir.join("typo.yaml"), "q1: {kp: 40, kt: 2}\n").unwrap();
@@ -284,12 +296,12 @@ fn missing_and_wrong_inputs_of_simulated_fits_are_reported_with_the_remedy() {
         (
             format!("{response} --controller typo.yaml"),
             3,
-            "typo.yaml: q1.kt: unknown key",
+            "q1.kt: unknown key",
         ),
         (
             format!("{response} --controller other.yaml"),
             3,
-            "other.yaml: q2: this is not an actuated",
+            "q2: this is not an actuated",
         ),
         (
             format!("{response} --controller gains.yaml --window 0"),
@@ -351,4 +363,162 @@ fn options_and_estimators_of_the_same_name_are_the_same() {
             .out;
         assert_eq!(old, new);
     }
+}
+
+/// A cart on a rail.
+const CART: &str = "\
+name: cart
+gravity: [0, 0, -9.81]
+limbs:
+  - name: axis
+    joints:
+      - {name: x, type: prismatic, axis: x, body: car, actuated: true, friction: linear,
+         nominal: {Fv: 20, Fc: 5}}
+bodies:
+  car: {mass: 9}
+";
+
+/// Writes the log of a cart of 10 kg with 15 N s/m and 6 N of friction, whose controller, at rows of 2 ms, has
+/// an inner loop of the velocity as it was `late` rows before: kp e + ki integral(e) - kd v - kv (x - x(0)).
+fn write_cart(dir: &Path, name: &str, [kp, ki, kd, kv]: [f64; 4], late: usize) {
+    let (step, parts) = (2e-3, 20);
+    let (mut x, mut v, mut sum) = (0.0, 0.0, 0.0);
+    let mut velocities = vec![0.0; late + 1];
+    let mut rows = "t,x,goal,tau_x\n".to_owned();
+    let mut held = 0.0;
+    for k in 0..2000 {
+        let t = step * f64::from(k);
+        let goal = 0.1 * (1.0 - (3.0 * t).cos()) + 0.03 * (1.0 - (11.0 * t).cos());
+        let error = goal - x;
+        velocities.insert(0, v);
+        sum += error * step;
+        let effort = kp * error + ki * sum - kd * velocities[late] - kv * x;
+        rows += &format!("{t},{x},{goal},{}\n", f64::midpoint(held, effort));
+        held = effort;
+        for _ in 0..parts {
+            let h = step / f64::from(parts);
+            let rate = |v: f64| (effort - 15.0 * v - 6.0 * (v / 1e-3).tanh()) / 10.0;
+            let middle = v + 0.5 * h * rate(v);
+            x += h * middle;
+            v += h * rate(middle);
+        }
+    }
+    fs::write(dir.join(name), rows).unwrap();
+}
+
+#[test]
+fn logged_efforts_that_contradict_a_response_are_told_with_the_latency_that_was_tried() {
+    let dir = scratch("simulated_against");
+    fs::write(dir.join("cart.yaml"), CART).unwrap();
+    let gains = "x: {kp: 20000, kd: 500, damping: velocity}\n";
+    fs::write(dir.join("gains.yaml"), gains).unwrap();
+    fs::write(
+        dir.join("late.yaml"),
+        gains.to_owned() + "velocity_latency: 1\n",
+    )
+    .unwrap();
+    fs::write(
+        dir.join("always.yaml"),
+        gains.to_owned() + "action: continuous\n",
+    )
+    .unwrap();
+    let fit = |log: &str, controller: &str, estimator: &str| {
+        let words = "identify cart.yaml LOG --command x=goal --format json --estimator";
+        let words = format!("{words} {estimator} --controller {controller}").replace("LOG", log);
+        run(&dir, &words).ended(0)
+    };
+    let of = |found: &Value, label: &str| {
+        let rows = found["parameters"].as_array().unwrap().clone();
+        rows.into_iter().find(|row| row["label"] == label).unwrap()
+    };
+    let mass = |found: &Value| of(found, "m(car)")["value"].as_f64().unwrap();
+
+    write_cart(&dir, "now.csv", [20000.0, 0.0, 500.0, 0.0], 0);
+    let right = fit("now.csv", "gains.yaml", "response");
+    assert!(!right.err.contains("contradict"), "{}", right.err);
+    let efforts = &right.json()["simulated"]["response"]["efforts"];
+    assert!(
+        efforts["relative_absolute"].as_f64().unwrap() < 4.0,
+        "{efforts}"
+    );
+    assert!((mass(&right.json()) - 10.0).abs() < 0.1);
+
+    write_cart(&dir, "late.csv", [20000.0, 0.0, 500.0, 0.0], 1);
+    let wrong = fit("late.csv", "gains.yaml", "response");
+    assert!((mass(&wrong.json()) - 10.0).abs() > 0.5, "{}", wrong.out);
+    assert!(
+        wrong.err.contains("contradict this estimate"),
+        "{}",
+        wrong.err
+    );
+    assert!(
+        wrong
+            .err
+            .contains("`velocity_latency: 1` in the controllers, which was tried"),
+        "{}",
+        wrong.err
+    );
+    let mended = fit("late.csv", "late.yaml", "response");
+    assert!(!mended.err.contains("contradict"), "{}", mended.err);
+    assert!((mass(&mended.json()) - 10.0).abs() < 0.1, "{}", mended.out);
+
+    // commands that are held, followed all the time, look half a row early: friction becomes negative
+    let always = fit("now.csv", "always.yaml", "response");
+    let viscous = of(&always.json(), "Fv(x)");
+    assert!(
+        viscous["value"].as_f64().unwrap() < 0.0 && viscous["status"] == "negative",
+        "{viscous}"
+    );
+    assert!(
+        always.err.contains("`action: sampled` in the controllers"),
+        "{}",
+        always.err
+    );
+}
+
+#[test]
+fn cascades_with_and_without_integrals_are_simulated_by_didim_and_response_alike() {
+    let dir = scratch("simulated_cascades");
+    fs::write(dir.join("cart.yaml"), CART).unwrap();
+    // P and P, with the velocity of the row before too; with an integral of the position; P and PI
+    for (ki, kv, late) in [
+        (0.0, 0.0, 0),
+        (0.0, 0.0, 1),
+        (60000.0, 0.0, 0),
+        (120_000.0, 3000.0, 0),
+    ] {
+        write_cart(&dir, "run.csv", [20000.0, ki, 500.0, kv], late);
+        let gains = format!(
+            "x: {{kp: 20000, ki: {ki}, kd: 500, ki_velocity: {kv}, damping: velocity}}\nvelocity_latency: {late}\n"
+        );
+        fs::write(dir.join("gains.yaml"), gains).unwrap();
+        for estimator in ["didim", "response"] {
+            let words =
+                "identify cart.yaml run.csv --command x=goal --format json --controller gains.yaml";
+            let found = run(&dir, &format!("{words} --estimator {estimator}")).ended(0);
+            let has_warned = ["differs", "contradict"]
+                .iter()
+                .any(|word| found.err.contains(word));
+            assert!(!has_warned, "{estimator} {ki} {kv} {late}: {}", found.err);
+            let found = found.json();
+            for (label, truth) in [("m(car)", 10.0), ("Fv(x)", 15.0), ("Fc(x)", 6.0)] {
+                let rows = found["parameters"].as_array().unwrap();
+                let row = rows.iter().find(|row| row["label"] == label).unwrap();
+                let value = row["value"].as_f64().unwrap();
+                assert!(
+                    (value / truth - 1.0).abs() < 0.03,
+                    "{estimator} {ki} {kv} {late} {label}: {row}"
+                );
+            }
+        }
+    }
+    // much faster than the log
+    fs::write(
+        dir.join("gains.yaml"),
+        "x: {kp: 20000, kd: 500, damping: velocity}\naction: continuous\n",
+    )
+    .unwrap();
+    let words =
+        "identify cart.yaml run.csv --command x=goal --estimator didim --controller gains.yaml";
+    run(&dir, words).ended(0);
 }

@@ -82,7 +82,7 @@ pub fn follow<M: Model<f64> + ?Sized>(
     times: &[f64],
 ) -> Result<Log, LoopError> {
     let run = simulate_loop(model, closed_loop, phi, times)?;
-    let (mut log, skip) = (run.log, run.lead);
+    let (mut log, skip, stride) = (run.log, run.lead, run.stride);
     let info = model.info();
     let (n, a) = (info.coordinates.len(), info.actuated.len());
     log.energy.drain(..skip.min(log.energy.len()));
@@ -98,6 +98,10 @@ pub fn follow<M: Model<f64> + ?Sized>(
     ] {
         let rows = list.len() / width.max(1);
         list.drain(..skip.min(rows) * width);
+        if stride > 1 {
+            let asked = list.chunks_exact(width.max(1)).step_by(stride).flatten();
+            *list = asked.copied().collect();
+        }
     }
     // the log's own times, not those of the simulation
     log.t = times.to_vec();
@@ -113,6 +117,8 @@ pub struct LoopRun {
     pub lead: usize,
     /// The time between samples, s.
     pub step: f64,
+    /// The number of samples from one that was asked for to the next: controllers may act more often.
+    pub stride: usize,
     /// The controllers and the constant efforts, in the order of `Info::actuated`.
     pub control: Control,
     /// The drives, in the same order.
@@ -174,6 +180,10 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
             offset: offset.to_vec(),
         },
     };
+    let acts = control.pid.iter().map(|pid| pid.acts_per_row);
+    let stride = acts.max().unwrap_or(1).max(1);
+    let row = step;
+    let step = row / stride as f64;
     let drive = |joint: &usize| Drive {
         lag: 0.0,
         limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
@@ -191,6 +201,12 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
         ..Settings::default()
     };
     let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        // between rows the command stays that of the row
+        let t = if stride > 1 {
+            row * (t / row + WHOLE_STEPS).floor()
+        } else {
+            t
+        };
         closed_loop.reference.at(begin + t, q, qd, qdd);
     };
     let log = simulate(model, phi, &along, &settings).map_err(LoopError::Simulation)?;
@@ -198,11 +214,12 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
         return Err(LoopError::Termination(log.ended));
     }
     #[allow(clippy::cast_sign_loss, reason = "a number of periods")]
-    let lead = early as usize;
+    let lead = early as usize * stride;
     Ok(LoopRun {
         log,
         lead,
         step,
+        stride,
         control,
         drives,
     })

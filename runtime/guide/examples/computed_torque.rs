@@ -55,7 +55,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             Pid {
                 kp: 8.0e4,
                 ki: 2.0e5,
-                kd: 4.0e3
+                kd: 4.0e3,
+                ..Pid::default()
             };
             3
         ],

@@ -44,6 +44,9 @@ pub enum Status {
     /// Noise of the measured motion moves the value by more than all other errors do.
     #[serde(rename = "biased")]
     Biased,
+    /// The value is below zero by more than its errors, as no friction and no rotor's inertia is.
+    #[serde(rename = "negative")]
+    Negative,
     /// The parameter was left out of the model on purpose.
     #[serde(rename = "left out")]
     LeftOut,
@@ -54,11 +57,12 @@ pub enum Status {
 
 impl Status {
     /// All statuses, in the order in which they are counted.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Well,
         Self::Zero,
         Self::Poor,
         Self::Biased,
+        Self::Negative,
         Self::Unseen,
         Self::LeftOut,
         Self::Unknown,
@@ -72,6 +76,7 @@ impl Status {
             Self::Well => "well",
             Self::Poor => "poor",
             Self::Biased => "biased",
+            Self::Negative => "negative",
             Self::Unseen => "unseen",
             Self::LeftOut => "left out",
         }
@@ -155,6 +160,19 @@ impl EffortContributions {
         let is_moved = bias * bias > MAX_BIASED_PART * sigma * sigma;
         match found {
             Status::Well | Status::Poor if is_moved => Status::Biased,
+            other => other,
+        }
+    }
+
+    /// The status of a value that cannot be below zero: it is not known well where it is.
+    #[must_use]
+    pub fn of_positive(status: Status, value: f64, sigma: f64) -> Status {
+        match status {
+            Status::Well | Status::Poor | Status::Biased
+                if value < -NEAR_ZERO_DEVIATIONS * sigma =>
+            {
+                Status::Negative
+            }
             other => other,
         }
     }

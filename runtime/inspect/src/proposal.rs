@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_identify::data::{Join, Run};
+use regen_identify::experiment_file::with_process;
 use regen_identify::session::Choice;
 use regen_identify::signals::Method;
 use regen_identify::text::figure_of;
@@ -440,56 +441,20 @@ fn write_process(out: &mut String, found: &LogFacts, choice: Option<&Choice>) {
 }
 
 /// An experiment file with everything that it states, and the keys of `process` that the logs propose and it
-/// lacks; `None` where it is written in a way that takes no further line.
+/// lacks; `None` where it is written in a way that takes no further key.
 ///
 /// - `text`: the file; `facts`: the facts that were found in each of its runs;
 /// - `choice`: the filter that was chosen from the logs, `None` if the file states one.
 pub fn completed(text: &str, facts: &[LogFacts], choice: Option<&Choice>) -> Option<String> {
     let found = facts.iter().find(|f| !f.joints.is_empty())?;
-    let lines: Vec<&str> = text.lines().collect();
-    let place = lines.iter().position(|line| line.starts_with("process:"));
-    let stated = |key: &str| {
-        let lines = place.map_or(&[][..], |place| &lines[place..]);
-        lines.iter().any(|line| line.contains(&format!("{key}:")))
-    };
     let mut keys = process(found, choice);
-    keys.retain(|(key, _)| !stated(key) && (choice.is_some() || *key == "delay"));
-    let mut out: Vec<String> = lines.iter().map(|line| (*line).to_owned()).collect();
-    if keys.is_empty() {
-        return Some(text.to_owned());
-    }
-    let Some(place) = place else {
-        // a document in braces takes no further line
-        if !lines.iter().any(|line| line.starts_with("runs:")) {
-            return None;
-        }
-        out.push("process:".to_owned());
-        out.extend(keys.iter().map(|(key, value)| format!("  {key}: {value}")));
-        return Some(out.join("\n") + "\n");
-    };
-    let line = lines.get(place).copied().unwrap_or_default();
-    let rest = line.trim_start_matches("process:");
-    let rest = rest.split(" #").next().unwrap_or_default().trim();
-    if let Some(inside) = rest.strip_prefix('{') {
-        let keys: Vec<String> = keys
-            .iter()
-            .map(|(key, value)| format!("{key}: {value}"))
-            .collect();
-        let comma = if inside.trim() == "}" { "" } else { ", " };
-        out[place] = line.replacen('{', &format!("{{{}{comma}", keys.join(", ")), 1);
-    } else if rest.is_empty() {
-        let below = lines.get(place + 1..).unwrap_or_default();
-        let first = below.iter().find(|line| !line.trim().is_empty());
-        let indent = first.map_or(2, |line| line.len() - line.trim_start().len());
-        let indent = " ".repeat(if indent == 0 { 2 } else { indent });
-        let keys = keys.iter().rev();
-        for (key, value) in keys {
-            out.insert(place + 1, format!("{indent}{key}: {value}"));
-        }
+    keys.retain(|(key, _)| choice.is_some() || *key == "delay");
+    let text = with_process(text, &keys)?;
+    Some(if text.ends_with('\n') {
+        text
     } else {
-        return None;
-    }
-    Some(out.join("\n") + "\n")
+        text + "\n"
+    })
 }
 
 /// Writes `checks`: faulty rows are dropped if there are any.

@@ -1,5 +1,7 @@
 //! The controllers of a window, with the derivatives of their efforts.
 
+use std::collections::VecDeque;
+
 use crate::parameters::Entry;
 use crate::plant::Posture;
 use crate::setup::{Action, Damping, Law};
@@ -52,6 +54,12 @@ pub(crate) struct Controller {
     command: Sensitive,
     command_rate: f64,
     pub(crate) effort: Sensitive,
+    /// The position at the first sample.
+    origin: Option<Sensitive>,
+    /// Efforts that are computed and do not act yet.
+    waiting: VecDeque<Sensitive>,
+    /// The velocities of the last samples, the last one first.
+    velocities: VecDeque<Sensitive>,
 }
 
 impl Controller {
@@ -73,6 +81,9 @@ impl Controller {
             command: zero.clone(),
             command_rate: 0.0,
             effort: zero,
+            origin: None,
+            waiting: VecDeque::new(),
+            velocities: VecDeque::new(),
         }
     }
 
@@ -87,12 +98,14 @@ impl Controller {
         step: f64,
         [position, velocity]: [&Sensitive; 2],
     ) {
+        self.origin.get_or_insert_with(|| position.clone());
+        let held_back = self.held_back(position);
         let mut error = command.clone();
         error.add(position, -1.0);
         self.command_rate = before.map_or(0.0, |b| (command.value - b.value) / step);
         let mut rate = Sensitive::constant(0.0, error.rates.len());
         match self.law.damping {
-            Damping::OfVelocity => rate.add(velocity, -1.0),
+            Damping::OfVelocity => rate.add(&self.late_velocity(velocity), -1.0),
             Damping::OfError => {
                 let earlier = self.last.take().or_else(|| {
                     // at the start of a window, the joint's previous position is extrapolated from
@@ -108,16 +121,21 @@ impl Controller {
                 }
             }
         }
+        if self.waiting.is_empty() {
+            self.wait(&error, velocity, step, before.is_some());
+        }
         let mut grown = self.integral.clone();
         grown.add(&error, step);
-        let effort = self.combined(&error, &grown, &rate);
-        self.effort = match self.law.limit {
+        let mut effort = self.combined(&error, &grown, &rate);
+        effort.add(&held_back, -1.0);
+        let computed = match self.law.limit {
             Some([lo, hi]) if effort.value > hi || effort.value < lo => {
                 // an integral does not wind up while the drive is saturated in its direction
                 let bound = if effort.value > hi { hi } else { lo };
                 let winds = (effort.value > hi) == (error.value > 0.0);
                 if winds {
-                    let held = self.combined(&error, &self.integral, &rate);
+                    let mut held = self.combined(&error, &self.integral, &rate);
+                    held.add(&held_back, -1.0);
                     clamped(held, [lo, hi])
                 } else {
                     self.integral = grown;
@@ -129,8 +147,54 @@ impl Controller {
                 effort
             }
         };
+        self.waiting.push_back(computed);
+        self.effort = self.waiting.pop_front().unwrap_or_default();
         self.last = Some(error);
         self.command = command;
+    }
+
+    /// The velocity that the derivative gain multiplies; before the first sample it was constant.
+    fn late_velocity(&mut self, velocity: &Sensitive) -> Sensitive {
+        let late = self.law.velocity_late;
+        if late <= 0.0 {
+            return velocity.clone();
+        }
+        self.velocities.push_front(velocity.clone());
+        #[allow(clippy::cast_sign_loss, reason = "above 0")]
+        let whole = late.floor() as usize;
+        let part = late - whole as f64;
+        let mut out = Sensitive::constant(0.0, velocity.rates.len());
+        for (k, weight) in [(whole, 1.0 - part), (whole + 1, part)] {
+            let own = self.velocities.get(k).or_else(|| self.velocities.back());
+            if let Some(own) = own {
+                out.add(own, weight);
+            }
+        }
+        self.velocities.truncate(whole + 2);
+        out
+    }
+
+    /// Computes the efforts that act until the one of the first sample does: before it the joint and the
+    /// command moved evenly.
+    fn wait(&mut self, error: &Sensitive, velocity: &Sensitive, step: f64, has_rate: bool) {
+        let mut rate = Sensitive::constant(0.0, error.rates.len());
+        let is_of_velocity = self.law.damping == Damping::OfVelocity;
+        if is_of_velocity || has_rate {
+            rate.add(velocity, -1.0);
+        }
+        if !is_of_velocity {
+            rate.value += self.command_rate;
+        }
+        for k in (1..=self.law.late).rev() {
+            let before = k as f64 * step;
+            let mut earlier = error.clone();
+            earlier.add(velocity, before);
+            earlier.value -= before * self.command_rate;
+            let mut effort = self.combined(&earlier, &self.integral, &rate);
+            effort.add(velocity, self.law.ki_velocity * before);
+            let held = self.law.limit.map(|limit| clamped(effort.clone(), limit));
+            self.waiting.push_back(held.unwrap_or(effort));
+        }
     }
 
     /// The effort between samples.
@@ -159,11 +223,23 @@ impl Controller {
         if self.law.damping == Damping::OfError {
             rate.value += self.command_rate;
         }
-        let effort = self.combined(&error, &self.integral, &rate);
+        let mut effort = self.combined(&error, &self.integral, &rate);
+        effort.add(&self.held_back(&position), -1.0);
         match self.law.limit {
             Some(limit) => clamped(effort, limit),
             None => effort,
         }
+    }
+
+    /// The effort of the integral of the velocity: the distance from the position of the first sample times
+    /// its gain.
+    fn held_back(&self, position: &Sensitive) -> Sensitive {
+        let mut out = Sensitive::constant(0.0, position.rates.len());
+        if let (true, Some(origin)) = (self.law.ki_velocity != 0.0, &self.origin) {
+            out.add(position, self.law.ki_velocity);
+            out.add(origin, -self.law.ki_velocity);
+        }
+        out
     }
 
     fn combined(&self, error: &Sensitive, integral: &Sensitive, rate: &Sensitive) -> Sensitive {
@@ -181,7 +257,10 @@ impl Controller {
         if action == Action::Sampled {
             return [0.0; 2];
         }
-        [self.gains[0].value.abs(), self.gains[2].value.abs()]
+        [
+            self.gains[0].value.abs() + self.law.ki_velocity.abs(),
+            self.gains[2].value.abs(),
+        ]
     }
 }
 

@@ -139,7 +139,7 @@ pub(crate) fn of_loops(
             let used = measured.get(skip..).unwrap_or_default();
             let mean = used.iter().sum::<f64>() / used.len().max(1) as f64;
             for (k, x) in used.iter().enumerate() {
-                let row = simulated.lead + skip + k;
+                let row = simulated.lead + (skip + k) * simulated.stride;
                 let own = simulated.log.q.get(row * n + c).copied().unwrap_or(*x);
                 sums[0] += (x - own) * (x - own);
                 sums[1] += (x - mean) * (x - mean);

@@ -149,7 +149,7 @@ impl Didim {
 /// let closed_loop = ClosedLoop {
 ///     reference: &swing,
 ///     lead: 0.0,
-///     controllers: Controllers::Known { pid: &[Pid { kp: 80.0, ki: 0.0, kd: 9.0 }], offset: &[] },
+///     controllers: Controllers::Known { pid: &[Pid { kp: 80.0, ki: 0.0, kd: 9.0, ..Pid::default() }], offset: &[] },
 /// };
 /// let times: Vec<f64> = (0..300).map(|k| 0.01 * f64::from(k)).collect();
 /// // the log of a pendulum of 0.5 kg m^2 and 2 kg m; the estimate starts 30 % off

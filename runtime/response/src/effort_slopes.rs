@@ -81,7 +81,7 @@ where
         }
         commanded = Some(commands);
         let now = by_parameters(&controllers, r, &gains);
-        if sample >= run.lead {
+        if sample >= run.lead && (sample - run.lead).is_multiple_of(run.stride) {
             // a log has the mean of the efforts before and after the sample
             let before = before.as_ref().unwrap_or(&now);
             out.extend(before.iter().zip(&now).map(|(x, y)| f64::midpoint(*x, *y)));
@@ -233,6 +233,10 @@ fn controllers<M: ?Sized, D: ?Sized>(
                 ki: Value::known(pid.ki),
                 offset: Value::known(offset),
                 limit: drive.limit,
+                ki_velocity: pid.ki_velocity,
+                damping: pid.damping,
+                late: pid.late,
+                velocity_late: pid.velocity_late,
                 ..Law::pd(pid.kp, pid.kd)
             };
             let values = [pid.kp, pid.ki, pid.kd, offset];
@@ -281,7 +285,7 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
     let largest = beta.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let listed = |found: &Control| -> Vec<f64> {
         let each = found.pid.iter().zip(&found.offset);
-        each.flat_map(|(Pid { kp, ki, kd }, offset)| [*kp, *ki, *kd, *offset])
+        each.flat_map(|(Pid { kp, ki, kd, .. }, offset)| [*kp, *ki, *kd, *offset])
             .collect()
     };
     let at = listed(&run.control);

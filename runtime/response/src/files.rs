@@ -35,15 +35,28 @@ fn mistake<T>(place: &str, why: impl Into<String>) -> Result<T, ControllerError>
 }
 
 /// The keys of a controller.
-const KEYS: [&str; 6] = ["kp", "ki", "kd", "offset", "limit", "damping"];
+const KEYS: [&str; 7] = [
+    "kp",
+    "ki",
+    "kd",
+    "ki_velocity",
+    "offset",
+    "limit",
+    "damping",
+];
 /// The keys beside the joints' names.
-const TOP: [&str; 2] = ["action", "signals"];
+const TOP: [&str; 4] = ["action", "latency", "velocity_latency", "signals"];
+
+/// The largest number of rows by which efforts are late.
+const MAX_LATENCY: usize = 20;
 
 /// Reads controllers, and the models of signals that are not logged as they are.
 ///
 /// A controller for each actuated joint by name, with the keys `kp`, `ki`, `kd`, `offset` (SI),
-/// `limit` (least and greatest effort) and `damping` (`error` or `velocity`); `action` is `sampled`
-/// or `continuous`; `signals` has `delay`, `gain` and `bias` of signals by name: a coordinate's
+/// `ki_velocity`, `limit` (least and greatest effort) and `damping` (`error` or `velocity`); `action` is `sampled`
+/// or `continuous`; `latency` is the number of rows until an effort acts that is
+/// computed at a row, and `velocity_latency` that by which the velocity is late that `damping: velocity`
+/// multiplies, half a row where it is a difference of two rows; `signals` has `delay`, `gain` and `bias` of signals by name: a coordinate's
 /// (`q1`), its velocity's (`qd_q1`) or its command's (`cmd_q1`). A number is known;
 /// `{estimate: 40}` is estimated from 40.
 ///
@@ -101,6 +114,43 @@ pub fn controllers(file: &Json, info: &Info<'_>) -> Result<Setup, ControllerErro
             _ => return mistake("action", "write `sampled` or `continuous`"),
         };
     }
+    if let Some(latency) = top.get("latency") {
+        let rows = latency.as_f64();
+        let Some(late) = (0..=MAX_LATENCY).find(|own| rows == Some(*own as f64)) else {
+            let why = format!("write the number of rows, from 0 to {MAX_LATENCY}, such as 1");
+            return mistake("latency", why);
+        };
+        if late > 0 && setup.action == Action::Continuous {
+            let why = "controllers that act between the rows (`action: continuous`) have no latency of \
+                       rows: leave one of them out, or describe it by `signals`";
+            return mistake("latency", why);
+        }
+        for law in &mut setup.laws {
+            law.late = late;
+        }
+    }
+    if let Some(latency) = top.get("velocity_latency") {
+        let rows = latency
+            .as_f64()
+            .filter(|rows| (0.0..=MAX_LATENCY as f64).contains(rows));
+        let Some(late) = rows else {
+            let why = format!("write the number of rows, from 0 to {MAX_LATENCY}, such as 0.5");
+            return mistake("velocity_latency", why);
+        };
+        if late > 0.0 && setup.action == Action::Continuous {
+            let why = "controllers that act between the rows (`action: continuous`) have no latency of \
+                       rows: leave one of them out";
+            return mistake("velocity_latency", why);
+        }
+        if late > 0.0 && setup.laws.iter().all(|law| law.damping == Damping::OfError) {
+            let why =
+                "no controller has `damping: velocity`, whose velocity would be late: leave it out";
+            return mistake("velocity_latency", why);
+        }
+        for law in &mut setup.laws {
+            law.velocity_late = late;
+        }
+    }
     if let Some(all) = top.get("signals") {
         for (key, own) in object(all, "signals")? {
             let place = format!("signals.{key}");
@@ -139,6 +189,10 @@ fn law(value: &Json, joint: &str) -> Result<Law, ControllerError> {
             "kp" => law.kp = number(value, &place)?,
             "ki" => law.ki = number(value, &place)?,
             "kd" => law.kd = number(value, &place)?,
+            "ki_velocity" => match value.as_f64().filter(|gain| gain.is_finite()) {
+                Some(gain) => law.ki_velocity = gain,
+                None => return mistake(&place, "a number is needed, which is not estimated"),
+            },
             "offset" => law.offset = number(value, &place)?,
             "limit" => {
                 let ends = value

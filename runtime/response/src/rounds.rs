@@ -115,7 +115,7 @@ where
                 if time - first < options.settle {
                     continue;
                 }
-                let at = lead + k;
+                let at = lead + k * simulated.stride;
                 let row = |all: &[f64]| all.get(at * n..(at + 1) * n).unwrap_or_default().to_vec();
                 let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| row(all));
                 let measured = run.efforts.iter().zip(&gains);

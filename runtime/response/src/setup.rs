@@ -39,16 +39,7 @@ impl Value {
     }
 }
 
-/// What the derivative gain of a controller multiplies.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Damping {
-    /// The rate of the position error: its difference from sample to sample over the time between
-    /// them.
-    #[default]
-    OfError,
-    /// The joint's velocity with a negative sign, as the actuators of physics engines do.
-    OfVelocity,
-}
+pub use regen_experiment::simulate::Damping;
 
 /// When a controller changes its effort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -73,10 +64,19 @@ pub struct Law {
     pub kd: Value,
     /// A constant effort, N m or N.
     pub offset: Value,
+    /// The gain of the integral of the velocity from the first sample on, which acts against it, N m/rad or
+    /// N/m: of cascades whose inner loop of velocity integrates.
+    pub ki_velocity: f64,
     /// What the derivative gain multiplies.
     pub damping: Damping,
     /// The least and the greatest effort, N m or N; `None` without limits.
     pub limit: Option<[f64; 2]>,
+    /// The number of rows from a measurement until the effort that is computed from it acts, of controllers
+    /// that act at the samples.
+    pub late: usize,
+    /// The number of rows by which the velocity is late that the derivative gain multiplies, of controllers
+    /// that act at the samples; between two rows it changes evenly.
+    pub velocity_late: f64,
 }
 
 impl Law {
@@ -98,8 +98,11 @@ impl Law {
             ki: Value::known(0.0),
             kd: Value::known(kd),
             offset: Value::known(0.0),
+            ki_velocity: 0.0,
             damping: Damping::OfError,
             limit: None,
+            late: 0,
+            velocity_late: 0.0,
         }
     }
 

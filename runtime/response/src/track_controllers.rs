@@ -5,7 +5,11 @@ use regen_experiment::simulate::{Gains, Pid};
 
 use regen_runtime::Info;
 
-use crate::setup::Setup;
+use crate::setup::{Action, Setup};
+
+/// How many times in a row of the log a controller acts that is much faster than the log: what is left of its
+/// delay is a sixteenth of a row.
+const CONTINUOUS_ACTS: usize = 8;
 
 /// The controllers of several tracks: those that are known, and tuned ones for the others.
 #[derive(Clone, Debug)]
@@ -47,6 +51,14 @@ impl<'a> TrackControllers<'a> {
                 kp: law.kp.value,
                 ki: law.ki.value,
                 kd: law.kd.value,
+                ki_velocity: law.ki_velocity,
+                damping: law.damping,
+                late: law.late,
+                velocity_late: law.velocity_late,
+                acts_per_row: match setup.action {
+                    Action::Sampled => 1,
+                    Action::Continuous => CONTINUOUS_ACTS,
+                },
             });
             (pid.collect(), laws.map(|law| law.offset.value).collect())
         };

@@ -49,7 +49,8 @@ pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
             Pid {
                 kp: 4e5,
                 ki: 8e5,
-                kd: 8e3
+                kd: 8e3,
+                ..Pid::default()
             };
             3
         ],

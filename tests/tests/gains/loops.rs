@@ -30,7 +30,8 @@ fn gains_of_a_closed_loop_are_found_whichever_coordinates_are_independent() {
             Pid {
                 kp: 60.0,
                 ki: 0.0,
-                kd: 3.0
+                kd: 3.0,
+                ..Pid::default()
             };
             2
         ];

@@ -65,8 +65,9 @@ pub(crate) struct ExciteArgs {
     #[arg(long, value_name = "CONE")]
     pub(crate) cone: Vec<ConeArg>,
     /// The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities
-    #[arg(long, value_name = "PIVOT", default_value_t = 0.05)]
-    pub(crate) margin: f64,
+    /// [default: 0.05]
+    #[arg(long, value_name = "PIVOT")]
+    pub(crate) margin: Option<f64>,
     /// The seed of the random starts
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub(crate) seed: u64,

@@ -30,6 +30,7 @@ use regen_report::documents::Document;
 pub(crate) use apart::require_unread;
 pub(crate) use checks::{CheckArgs, VerifyArgs, VerifyFormat};
 pub(crate) use derived::{BaseArgs, EvalArgs, InfoArgs, ModelArgs, TableFormat};
+pub(crate) use effects::unused_keys;
 pub(crate) use equations::{EquationsArgs, OfArg, ParametersArg, StyleArg};
 pub(crate) use excite::{CriterionArg, ExciteArgs};
 pub(crate) use format::Format;

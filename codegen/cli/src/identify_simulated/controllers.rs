@@ -3,7 +3,7 @@
 use regen_experiment::simulate::Gains;
 use regen_identify::data::Run as LogRun;
 use regen_interpreted::Interpreted;
-use regen_response::{Action, Damping, Law, Setup, controllers};
+use regen_response::{Damping, Law, Setup, controllers};
 use regen_runtime::Info;
 
 use crate::args::IdentifyArgs;
@@ -77,6 +77,10 @@ pub(crate) fn stated_gains(args: &IdentifyArgs, info: &Info<'_>) -> Option<Vec<G
     let is_known = laws
         .iter()
         .all(|law| !law.gains().iter().any(|g| g.is_estimated()));
+    // instruments follow controllers of the error only; others are tuned
+    let is_plain =
+        |law: &Law| law.damping == Damping::OfError && law.late == 0 && law.ki_velocity == 0.0;
+    let is_known = is_known && laws.iter().all(is_plain);
     let named = info.actuated.iter().zip(laws).map(|(joint, law)| Gains {
         name: info.coordinates.get(*joint).map(|name| (*name).to_owned()),
         values: [law.kp.value, law.ki.value, law.kd.value],
@@ -92,7 +96,18 @@ fn setup(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Option<Setup>, 
     let found = controllers(&parameters::value(path)?, &model.info());
     match found {
         Ok(found) => Ok(Some(found)),
-        Err(why) => Err(Failure::Input(format!("{}: {why}", path.display()))),
+        Err(wrong) if wrong.place.is_empty() => {
+            Err(Failure::Input(format!("{}: {}", path.display(), wrong.why)))
+        }
+        Err(wrong) => {
+            let remedy = "`regen simulate --controller` writes such a file";
+            Err(parameters::wrong_part(
+                path,
+                &wrong.place,
+                &wrong.why,
+                remedy,
+            ))
+        }
     }
 }
 
@@ -102,12 +117,6 @@ pub(super) fn require_known(setup: &Setup) -> Result<(), Failure> {
     let wrong = if is_any(|law| law.gains().iter().any(|g| g.is_estimated())) {
         "known gains only: leave `estimate` out, or state no controllers, so that the loop has the \
          bandwidth of --loop-bandwidth"
-    } else if is_any(|law| law.damping != Damping::OfError) {
-        "only controllers whose kd multiplies the rate of the error: leave out `damping: velocity`, \
-         or choose --estimator response"
-    } else if setup.action != Action::Sampled {
-        "only controllers that act at the rows of the log: leave out `action: continuous`, or choose \
-         --estimator response"
     } else if !setup.signals.is_empty() {
         "only signals as they are logged: leave `signals` out, or choose --estimator response"
     } else {

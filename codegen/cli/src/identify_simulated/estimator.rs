@@ -1,10 +1,9 @@
 //! The estimator of `regen identify`, and the options that do not apply to it.
 
 use regen_identify::data::Run as LogRun;
-use regen_identify::identify::EquationKind;
 use regen_identify::session::HUBER_BOUND;
 
-use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, ReadingArgs};
+use crate::args::{EstimatorArg, IdentifyArgs, ReadingArgs, unused_keys};
 use crate::exit::Failure;
 use crate::terminal;
 
@@ -36,8 +35,6 @@ pub(crate) fn with_estimator(args: &IdentifyArgs) -> Result<IdentifyArgs, Failur
     }
     if simulated {
         refuse(!args.physical.against.is_empty(), "--against");
-        refuse(!args.reading.delay.is_empty(), "--delay");
-        refuse(args.reading.period.is_some(), "--period");
     }
     let along = args.iv || matches!(given, Some(EstimatorArg::Iv | EstimatorArg::Didim));
     refuse(args.reference.is_some() && !along, "--reference");
@@ -76,18 +73,13 @@ fn name(estimator: EstimatorArg) -> &'static str {
 ///
 /// - `planned`: the runs to validate on.
 pub(crate) fn note_unused(estimator: EstimatorArg, reading: &mut ReadingArgs, planned: &[LogRun]) {
-    let Some(experiment) = &reading.experiment else {
+    if reading.experiment.is_none() {
         return;
-    };
-    let settings = &experiment.settings;
-    let is_auto = reading.delay.contains(&DelayArg::Auto);
-    let unused = [
-        (is_auto || !settings.delays.is_empty(), "delay"),
-        (settings.period.is_some(), "period"),
-        (experiment.kind != EquationKind::Forces, "energy"),
-        (!planned.is_empty(), "runs to validate on"),
-    ];
-    let unused: Vec<&str> = unused.iter().filter(|u| u.0).map(|u| u.1).collect();
+    }
+    let mut unused: Vec<&str> = unused_keys(estimator, reading).collect();
+    if !planned.is_empty() {
+        unused.push("runs to validate on");
+    }
     reading.delay.clear();
     if !unused.is_empty() {
         terminal::note(&format!(

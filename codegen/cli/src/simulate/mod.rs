@@ -69,12 +69,6 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     if args.runs == 0 {
         return Err(Failure::Input("--runs must be at least 1".to_owned()));
     }
-    if args.exact && (args.twin.noise.is_some() || args.twin.quantum.is_some()) {
-        return Err(Failure::Usage(
-            "--exact logs the motion as it is, without sensors: leave out --noise and --quantum"
-                .to_owned(),
-        ));
-    }
     check(&args.twin)?;
     let robot = load::without_base(&args.file, args.payload)?;
     let model = Interpreted::new(&robot);

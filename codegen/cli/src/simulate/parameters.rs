@@ -37,11 +37,10 @@ pub(super) fn read(
             Some(given) => {
                 for (label, value) in given {
                     let Some(slot) = place(&label).and_then(|k| values.get_mut(k)) else {
-                        return Err(Failure::Input(format!(
-                            "{}: `{label}` is not a parameter of {}; `regen info` lists them",
-                            path.display(),
-                            info.name
-                        )));
+                        let why = format!("this is not a parameter of {}", info.name);
+                        let part = format!("`{label}`");
+                        let remedy = "`regen info` lists them";
+                        return Err(parameters::wrong_part(path, &part, &why, remedy));
                     };
                     *slot = Some(value);
                 }

@@ -6,6 +6,7 @@ use regen_experiment::simulate::{
 };
 use regen_experiment::trajectory::FourierReference;
 use regen_interpreted::Interpreted;
+use regen_runtime::Friction;
 
 use super::parameters::{self, Described};
 use crate::args::TwinArgs;
@@ -34,6 +35,14 @@ pub(crate) fn of(
     (step, duration): (f64, f64),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Tried, Failure> {
+    let has_friction = |model: &Interpreted<'_>| {
+        let mut joints = model.info().joints.iter();
+        joints.any(|joint| joint.friction != Friction::None)
+    };
+    if args.no_friction && !has_friction(model) {
+        let text = "--no-friction has no effect here: the spec has no friction";
+        return Err(Failure::Usage(text.to_owned()));
+    }
     let (nominal, fitted) = parameters::read(args, source, model)?;
     let mut attempt = |bandwidth: f64| {
         let options = options(args, bandwidth, step);

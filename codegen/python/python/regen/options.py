@@ -54,7 +54,7 @@ class ExciteOptions(TypedDict, total=False):
     harmonics: Value | None
     #: Replace a limit of the spec: COORDINATE.QUANTITY=LOWEST,HIGHEST, where QUANTITY is position, velocity, acceleration or effort (may be repeated)
     limit: Values | None
-    #: The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities
+    #: The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities [default: 0.05]
     margin: Value | None
     #: Whether the payloads of the spec are carried; required if it has payloads
     payload: Value | None

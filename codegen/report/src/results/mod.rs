@@ -31,10 +31,10 @@ pub use base::{BaseJson, BaseSummary, base, base_lines, base_summary};
 pub use excitation::{Excited, excited_text};
 pub use explanation::{ExplanationJson, explanation, explanation_text};
 pub use identification::{
-    BiasRemedy, EffortSummary, Identification, Instruments, LogFile, ModelErrors, ReductionStep,
-    Rounds, Search, Simulated, Summary, Suspected, coarse_friction, corrected_delays_text,
-    filter_text, identification_text, noisy_accelerations, reduction_steps, resting, states_delays,
-    stem, too_few, too_short, unexplained,
+    BiasRemedy, EffortSummary, EffortsOfLogs, Identification, Instruments, LogFile, ModelErrors,
+    ReductionStep, Rounds, Search, Simulated, Summary, Suspected, coarse_friction,
+    corrected_delays_text, filter_text, identification_text, noisy_accelerations, reduction_steps,
+    resting, states_delays, stem, too_few, too_short, unexplained,
 };
 pub use info::{Info, info, info_text};
 pub use inspection::{Inspection, inspection_text};

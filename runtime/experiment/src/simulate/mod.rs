@@ -27,7 +27,7 @@ mod tuning;
 mod twin;
 
 pub use audit::Energy;
-pub use control::{Controller, ControllerInput, Drive, Pid};
+pub use control::{Controller, ControllerInput, Damping, Drive, Pid};
 pub use csv::LogColumns;
 pub use forward::{Forward, ForwardOutcome, factor_mass, solve_mass};
 pub use friction::{

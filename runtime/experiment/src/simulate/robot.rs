@@ -329,6 +329,11 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         Ok(Ok(()))
     }
 
+    /// The velocities of the actuated joints at the state of the last call of `rates`, rad/s or m/s.
+    pub(super) fn driven_velocities(&self) -> Vec<f64> {
+        self.actuated.iter().map(|j| self.qd[*j]).collect()
+    }
+
     /// The encoder readings of the actuated joints, rad or m.
     pub(super) fn measured(
         &mut self,

@@ -5,7 +5,7 @@
 //! up (N or N m), the work of the efforts and the energy lost to friction (J). The dependent
 //! coordinates are only predictions, from which the loops are closed anew at every state.
 
-use super::control::{Controller, ControllerInput, PidControllers};
+use super::control::{Controller, ControllerInput, Pid, PidControllers};
 use super::integrate::{Integrator, Stop};
 use super::log::{Log, Termination};
 use super::noise::Noise;
@@ -172,6 +172,13 @@ fn integrate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
             if !target.outcome.is_closed() {
                 return Ok(Termination::Open(target.outcome));
             }
+            let mut velocities = Vec::new();
+            if settings.pid.iter().any(Pid::needs_velocity) {
+                if let Err(stop) = robot.rates(&integrator.y)? {
+                    return Ok(stop);
+                }
+                velocities = robot.driven_velocities();
+            }
             let [q_i, qd_i, qdd_i] = target.independent;
             let now = ControllerInput {
                 t,
@@ -181,6 +188,7 @@ fn integrate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
                 qd_i,
                 qdd_i,
                 measured: &measured,
+                velocities: &velocities,
             };
             controller.efforts(&now, &mut robot.command);
             let followed = robot.actuated.iter().filter_map(|c| target.q.get(*c));

@@ -186,6 +186,7 @@ pub fn control<M: Model<f64> + ?Sized>(
             kp: m * w * w,
             ki: 0.2 * m * w * w * w,
             kd: 1.4 * m * w,
+            ..Pid::default()
         })
         .collect();
     for gains in given {
@@ -194,7 +195,12 @@ pub fn control<M: Model<f64> + ?Sized>(
         for (pid, joint) in pid.iter_mut().zip(info.actuated) {
             let name = info.coordinates.get(*joint).copied();
             if gains.name.is_none() || gains.name.as_deref() == name {
-                *pid = Pid { kp, ki, kd };
+                *pid = Pid {
+                    kp,
+                    ki,
+                    kd,
+                    ..Pid::default()
+                };
                 known = true;
             }
         }

@@ -187,6 +187,11 @@ impl Table {
         })
     }
 
+    /// Whether the file is a Parquet file, which may have episodes.
+    pub(super) fn is_parquet(&self) -> bool {
+        !matches!(self.kind, Kind::Csv(_)) && is_parquet(&self.path)
+    }
+
     /// The rows of some columns, from the first row on.
     pub(super) fn rows(&self, wanted: Vec<Wanted>) -> Result<FileRows<'_>, DataError> {
         match &self.kind {

@@ -173,6 +173,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         for run in runs {
             let mut file = LogFile::open(&run.clone().into(), &info, settings)?;
             require_names(&file.name, &info, settings)?;
+            require_measured(&file, &info, settings)?;
             file.cache = RowCache::with_capacity(room);
             let survey = file.survey(&names)?;
             room -= file.cache.numbers().min(room);
@@ -523,6 +524,45 @@ fn require_names(file: &str, info: &Info<'_>, settings: &Settings) -> Result<(),
         }
     }
     Ok(())
+}
+
+/// Refuses settings of signals that a log does not have.
+fn require_measured(file: &LogFile, info: &Info<'_>, settings: &Settings) -> Result<(), DataError> {
+    let layout = &file.layout;
+    let unfit = |why: String| DataError::ColumnLayout {
+        file: file.name.clone(),
+        why,
+    };
+    if settings.measured_rates == Some(true) && layout.velocities.iter().all(Option::is_none) {
+        return Err(unfit(
+            "measured velocities are asked for, and it has none: name their columns (`qd_NAME`), or \
+             leave `velocities` out"
+                .to_owned(),
+        ));
+    }
+    if let Some((name, _)) = settings.deviations.first()
+        && layout.measured.len() <= info.independent.len()
+    {
+        return Err(unfit(format!(
+            "the standard deviation of `{name}` has no effect: it weights coordinates where more are \
+             measured than needed, and {} are needed and measured; leave it out",
+            layout.measured.len()
+        )));
+    }
+    let is_measured = |name: &str| {
+        let place = info.index_of(name);
+        place.is_some_and(|c| layout.measured.contains(&c))
+    };
+    match settings
+        .deviations
+        .iter()
+        .find(|(name, _)| !is_measured(name))
+    {
+        None => Ok(()),
+        Some((name, _)) => Err(unfit(format!(
+            "the standard deviation of `{name}` has no effect: it has no column of it; leave it out"
+        ))),
+    }
 }
 
 /// The indices of the measured coordinates of whose accelerations at least [`NOISE_PART`] is noise of

@@ -181,9 +181,17 @@ impl LogFile {
         for path in &run.files {
             tables.extend(opening.tables(path)?);
         }
-        if let (Some(topic), None) = (&run.topic, opening.start) {
+        if let (Some(topic), None) = (opening.topic, opening.start) {
             return Err(unfit(&format!(
                 "the topic {topic} is named, and none of its files is a recording with topics"
+            )));
+        }
+        if let Some(episode) = opening
+            .episode
+            .filter(|_| !tables.iter().any(Table::is_parquet))
+        {
+            return Err(unfit(&format!(
+                "the episode {episode} is named, and none of its files is one of LeRobot, with episodes"
             )));
         }
         let search = Search {

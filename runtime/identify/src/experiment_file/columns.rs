@@ -22,7 +22,9 @@ pub(super) fn coordinates(root: &Node) -> Vec<String> {
     let runs = root.get("runs").map(Node::items).unwrap_or_default();
     let of_runs = runs.iter().flat_map(|run| {
         let of = |key: &str| run.get(key).map(Node::entries).unwrap_or_default();
-        let own = |(key, _): &&(Key, Node)| !["action", "signals"].contains(&key.text.as_str());
+        let own = |(key, _): &&(Key, Node)| {
+            !["action", "latency", "velocity_latency", "signals"].contains(&key.text.as_str())
+        };
         of("commands")
             .iter()
             .chain(of("controller").iter().filter(own))

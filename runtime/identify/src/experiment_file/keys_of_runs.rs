@@ -30,6 +30,18 @@ pub(super) static CONTROLLERS: Record = record(
             "When the controllers act; sampled if missing",
         ),
         optional(
+            "latency",
+            Shape::Number(Range::NotNegative),
+            "The number of rows from a measurement until the effort that is computed from it acts, \
+             where the efforts are sampled; 0 if missing",
+        ),
+        optional(
+            "velocity_latency",
+            Shape::Number(Range::NotNegative),
+            "The number of rows by which the velocity of `damping: velocity` is late, such as 0.5 for a \
+             difference of two rows; 0 if missing",
+        ),
+        optional(
             "signals",
             Shape::Map(
                 &Shape::Record(&SIGNAL),
@@ -57,6 +69,12 @@ pub(super) static CONTROLLER: Record = record(
             "kd",
             VALUE,
             "Derivative gain, N m s/rad or N s/m; 0 if missing",
+        ),
+        optional(
+            "ki_velocity",
+            Shape::Number(Range::Any),
+            "Gain of the integral of the velocity, with a negative sign, N m/rad or N/m, of cascades whose \
+             inner loop integrates; 0 if missing",
         ),
         optional("offset", VALUE, "Constant effort, N m or N; 0 if missing"),
         optional(

@@ -20,6 +20,7 @@
 //! [`schema`] describes all keys. [`ExperimentFile::read`] reports every mistake of a file at once,
 //! each with its place and a remedy.
 
+mod addition;
 mod columns;
 mod keys;
 mod keys_of_runs;
@@ -31,6 +32,9 @@ mod shape;
 mod tests;
 mod tree;
 
+pub use addition::with_process;
+pub(crate) use tree::{Node, NodeKind};
+
 use std::path::Path;
 
 use regen_runtime::Info;
@@ -41,7 +45,6 @@ use crate::files::Mistakes;
 use crate::gains::KnownPayload;
 use crate::identify::EquationKind;
 use shape::{Shape, Sink};
-use tree::Node;
 
 /// Largest size of a file, bytes.
 pub const MAX_BYTES: usize = 1 << 20;

@@ -86,6 +86,12 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Process {
             Some("down-weight") => Standstill::Weigh,
             _ => Standstill::Drop,
         };
+        if let (Some(own), Standstill::Keep) = (standstill.get("velocity"), settings.standstill) {
+            let message = "a speed below which joints rest has no effect where equations of joints \
+                           at rest are used like all others (keep)";
+            let path = "`process`, `standstill`, `velocity`";
+            sink.push(own.at, path, message.to_owned(), "leave one of them out");
+        }
         if let (Some(effort), Standstill::Weigh) = (effort, settings.standstill)
             && settings.method.smoothing().is_none()
         {

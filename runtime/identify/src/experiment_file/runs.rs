@@ -126,7 +126,7 @@ fn payload(node: &Node) -> Payload {
 /// The contents of `controller` as JSON; each pattern of joints is replaced with one key for each
 /// joint that it matches.
 fn controller(node: &Node, info: &Info<'_>, path: &str, sink: &mut Sink) -> Value {
-    let is_joint = |key: &str| !["action", "signals"].contains(&key);
+    let is_joint = |key: &str| !["action", "latency", "velocity_latency", "signals"].contains(&key);
     let mut out = Map::new();
     for (key, own) in node.entries() {
         if !is_joint(&key.text) {

@@ -9,15 +9,15 @@ use crate::files::Mistake;
 
 /// A node of the document.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Node {
-    pub(super) kind: NodeKind,
+pub(crate) struct Node {
+    pub(crate) kind: NodeKind,
     /// The byte at which it begins.
-    pub(super) at: usize,
+    pub(crate) at: usize,
 }
 
 /// The content of a node.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum NodeKind {
+pub(crate) enum NodeKind {
     Null,
     Flag(bool),
     Whole(u64),
@@ -30,14 +30,14 @@ pub(super) enum NodeKind {
 
 /// A key of a mapping.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Key {
-    pub(super) text: String,
-    pub(super) at: usize,
+pub(crate) struct Key {
+    pub(crate) text: String,
+    pub(crate) at: usize,
 }
 
 impl Node {
     /// Parses a text.
-    pub(super) fn parse(text: &str) -> Result<Self, Mistake> {
+    pub(crate) fn parse(text: &str) -> Result<Self, Mistake> {
         let options = serde_saphyr::options! {
             strict_booleans: true,
             leading_zero_numbers_as_strings: true,
@@ -59,7 +59,7 @@ impl Node {
     }
 
     /// The value of a key; `None` if this is not a mapping with that key.
-    pub(super) fn get(&self, key: &str) -> Option<&Self> {
+    pub(crate) fn get(&self, key: &str) -> Option<&Self> {
         self.entries()
             .iter()
             .find(|(own, _)| own.text == key)
@@ -67,7 +67,7 @@ impl Node {
     }
 
     /// The entries of a mapping; none of other nodes.
-    pub(super) fn entries(&self) -> &[(Key, Self)] {
+    pub(crate) fn entries(&self) -> &[(Key, Self)] {
         match &self.kind {
             NodeKind::Map(entries) => entries,
             _ => &[],
@@ -75,7 +75,7 @@ impl Node {
     }
 
     /// The items of a list; none of other nodes.
-    pub(super) fn items(&self) -> &[Self] {
+    pub(crate) fn items(&self) -> &[Self] {
         match &self.kind {
             NodeKind::List(items) => items,
             _ => &[],
@@ -83,7 +83,7 @@ impl Node {
     }
 
     /// The text of a node that is text.
-    pub(super) fn text(&self) -> Option<&str> {
+    pub(crate) fn text(&self) -> Option<&str> {
         match &self.kind {
             NodeKind::Text(text) => Some(text),
             _ => None,

@@ -6,6 +6,7 @@ mod error;
 mod json;
 mod loads;
 mod mistakes;
+mod places;
 mod predictions;
 mod rows;
 mod states;
@@ -13,7 +14,7 @@ mod yaml;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use regen_runtime::{BaseModel, Info};
+use regen_runtime::{BaseModel, BaseParameter, Info};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -21,6 +22,7 @@ pub use constants::{c_constants, python_constants, rust_constants};
 pub use error::FileError;
 pub use loads::{CovarianceRows, GainRow, PayloadRow, PayloadValueRow};
 pub use mistakes::{Mistake, Mistakes, Remedy};
+pub use places::part_at;
 pub use predictions::Predictions;
 pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
 pub use states::{MotionState, State, states};
@@ -168,6 +170,13 @@ pub struct ParameterFile {
     pub joints: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
+/// Whether a base parameter is friction or the inertia of a drive alone, which is never below zero.
+fn is_never_negative(parameter: &BaseParameter<'_>) -> bool {
+    let label = parameter.label;
+    let of_drive = label.starts_with("Fv") || label.starts_with("Fc") || label.starts_with("J(");
+    of_drive && rows::combination(parameter) == label
+}
+
 impl ParameterFile {
     /// Builds the file's content from an identified model.
     ///
@@ -194,7 +203,12 @@ impl ParameterFile {
                 Status::LeftOut
             } else {
                 let bias = identified.intervals.bias.get(k).copied().unwrap_or(0.0);
-                shares.status_with_bias(k, *value, sigma, bias)
+                let found = shares.status_with_bias(k, *value, sigma, bias);
+                if is_never_negative(parameter) {
+                    EffortContributions::of_positive(found, *value, sigma)
+                } else {
+                    found
+                }
             };
             let share = shares.percent(k, *value);
             ParameterRow::new(parameter, &info, *value, interval, share, status)
@@ -359,6 +373,133 @@ fn require_names<'a>(
     Ok(())
 }
 
+/// The keys of the rows of each list, of which the first ones are required.
+const ROWS: [(&str, usize, &[&str]); 6] = [
+    (
+        "parameters",
+        2,
+        &[
+            "label",
+            "value",
+            "combination",
+            "unit",
+            "sigma",
+            "sigma_white",
+            "sigma_percent",
+            "low",
+            "high",
+            "share",
+            "status",
+        ],
+    ),
+    (
+        "least_squares",
+        2,
+        &[
+            "label",
+            "value",
+            "unit",
+            "sigma",
+            "sigma_white",
+            "low",
+            "high",
+        ],
+    ),
+    (
+        "physical",
+        2,
+        &["label", "value", "unit", "sigma", "low", "high"],
+    ),
+    (
+        "friction",
+        3,
+        &["joint", "law", "coefficients", "intervals"],
+    ),
+    (
+        "gains",
+        3,
+        &["effort", "value", "unit", "sigma", "low", "high"],
+    ),
+    ("payloads", 2, &["body", "values"]),
+];
+/// The keys of the values of a payload.
+const PAYLOAD_KEYS: [&str; 7] = ["name", "value", "unit", "known", "sigma", "low", "high"];
+/// The keys of intervals, of bodies and of a covariance.
+const INTERVAL_KEYS: [&str; 3] = ["sigma", "low", "high"];
+const BODY_KEYS: [&str; 3] = ["mass", "com", "inertia"];
+const COVARIANCE_KEYS: [&str; 2] = ["labels", "lower"];
+/// The keys whose values are numbers, or null where they are unknown.
+const NUMBERS: [&str; 7] = [
+    "value",
+    "sigma",
+    "sigma_white",
+    "sigma_percent",
+    "low",
+    "high",
+    "share",
+];
+
+/// Refuses rows of a file that lack a key or have one that is not known, or text for a number.
+fn require_rows(value: &Value) -> Result<(), FileError> {
+    for (list, required, keys) in ROWS {
+        let Some(rows) = value.get(list) else {
+            continue;
+        };
+        let Some(rows) = rows.as_array() else {
+            return Err(wrong(list, "a list of rows is needed here".to_owned()));
+        };
+        for (k, row) in rows.iter().enumerate() {
+            let place = format!("{list}, row {}", k + 1);
+            require_keys(&place, row, required, keys)?;
+            let values = row.get("values").and_then(Value::as_array);
+            for (k, own) in values.into_iter().flatten().enumerate() {
+                let place = format!("{place}, values, row {}", k + 1);
+                require_keys(&place, own, 4, &PAYLOAD_KEYS)?;
+            }
+            let intervals = row.get("intervals").and_then(Value::as_object);
+            for (symbol, own) in intervals.into_iter().flatten() {
+                let place = format!("{place}, intervals, {symbol}");
+                require_keys(&place, own, INTERVAL_KEYS.len(), &INTERVAL_KEYS)?;
+            }
+        }
+    }
+    let bodies = value.get("bodies").and_then(Value::as_object);
+    for (label, own) in bodies.into_iter().flatten() {
+        require_keys(&format!("bodies, {label}"), own, 0, &BODY_KEYS)?;
+    }
+    match value.get("covariance").filter(|own| !own.is_null()) {
+        Some(own) => require_keys("covariance", own, COVARIANCE_KEYS.len(), &COVARIANCE_KEYS),
+        None => Ok(()),
+    }
+}
+
+/// Refuses a row that lacks one of the first keys or has one that is not known, or text for a number.
+fn require_keys(place: &str, row: &Value, required: usize, keys: &[&str]) -> Result<(), FileError> {
+    let Some(entries) = row.as_object() else {
+        let why = format!("a row with the keys {} is needed here", keys.join(", "));
+        return Err(wrong(place, why));
+    };
+    if let Some(key) = entries.keys().find(|key| !keys.contains(&key.as_str())) {
+        let why = format!("there is no such key; there are {}", keys.join(", "));
+        return Err(wrong(&format!("{place}, {key}"), why));
+    }
+    let mut needed = keys.iter().take(required);
+    if let Some(key) = needed.find(|key| !entries.contains_key(**key)) {
+        return Err(wrong(place, format!("the key `{key}` is missing")));
+    }
+    let is_text = |(key, own): &(&String, &Value)| {
+        let is_open = own.is_null() && key.as_str() != "value";
+        NUMBERS.contains(&key.as_str()) && !(own.is_number() || is_open)
+    };
+    match entries.iter().find(is_text) {
+        Some((key, own)) => {
+            let why = format!("a number is needed, and not {own}");
+            Err(wrong(&format!("{place}, {key}"), why))
+        }
+        None => Ok(()),
+    }
+}
+
 impl FileContent {
     /// Refuses keys, names and units that are not those of the model.
     fn require_fits(
@@ -447,6 +588,9 @@ impl IdentifiedModel {
         let labels = info.labels();
         let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
         let base: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
+        if value.get("parameters").is_some() {
+            require_rows(value)?;
+        }
         let mut physical = BTreeMap::new();
         let values: BTreeMap<String, f64> = match FileContent::deserialize(value) {
             Ok(file) => {
@@ -478,6 +622,13 @@ impl IdentifiedModel {
                 file.parameters.into_iter().map(pair).collect()
             }
             Err(why) => {
+                let is_label = |key: &str| labels.contains(&key) || base.contains(&key);
+                let entries = value.as_object().into_iter().flatten();
+                let mut labelled = entries.filter(|(key, _)| is_label(key));
+                if let Some((key, own)) = labelled.find(|(_, own)| !own.is_number()) {
+                    let why = format!("a number is needed, and not {own}");
+                    return Err(wrong(&format!("`{key}`"), why));
+                }
                 let values: BTreeMap<String, f64> = BTreeMap::deserialize(value)
                     .map_err(|_| FileError::NoParameters(why.to_string()))?;
                 let known = |label: &str| labels.contains(&label) || base.contains(&label);

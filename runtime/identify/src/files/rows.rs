@@ -306,7 +306,7 @@ impl BodyRow {
 }
 
 /// Writes a base parameter's linear combination with its factors in all their digits.
-fn combination(parameter: &BaseParameter<'_>) -> String {
+pub(super) fn combination(parameter: &BaseParameter<'_>) -> String {
     let mut out = String::new();
     for (k, term) in parameter.terms.iter().enumerate() {
         let sign = if term.value < 0.0 { "-" } else { "+" };

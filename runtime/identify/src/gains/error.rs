@@ -117,7 +117,8 @@ impl fmt::Display for GainError {
             ),
             Self::Feasibility(why) => write!(f, "{why}"),
             Self::NothingUnknown => {
-                f.write_str("everything is known: there is nothing to identify")
+                f.write_str("the parameters of the robot are given, and neither a payload nor a gain is unknown: there is \
+                     nothing to identify")
             }
             Self::NotConverged => f.write_str(
                 "the search for gains and payload did not converge: state a gain, or more known \

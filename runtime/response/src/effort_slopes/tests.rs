@@ -90,7 +90,12 @@ const FINE: f64 = 0.0025;
 #[test]
 fn derivatives_include_integrals_offsets_limits_and_what_happened_in_the_lead() {
     let pid = [(60.0, 150.0, 3.0), (20.0, 40.0, 0.6)];
-    let pid = pid.map(|(kp, ki, kd)| Pid { kp, ki, kd });
+    let pid = pid.map(|(kp, ki, kd)| Pid {
+        kp,
+        ki,
+        kd,
+        ..Pid::default()
+    });
     let controllers = Controllers::Known {
         pid: &pid,
         offset: &[4.0, 1.0],
@@ -115,6 +120,7 @@ fn derivatives_include_friction_of_a_joint_that_follows_from_a_loop() {
         kp: 8.0,
         ki: 10.0,
         kd: 0.25,
+        ..Pid::default()
     }; 2];
     let controllers = Controllers::Known {
         pid: &pid,

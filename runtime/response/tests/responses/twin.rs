@@ -32,6 +32,7 @@ impl<'m, M: BaseModel<f64>> Twin<'m, M> {
             kp: *kp,
             ki: 0.0,
             kd: *kd,
+            ..Pid::default()
         };
         Self {
             model,

@@ -14,7 +14,7 @@ pub use delays::{corrected_delays_text, states_delays};
 pub use instruments::Instruments;
 pub use logs::{LogFile, filter_text, resting};
 pub use models::stem;
-pub use simulated::{Rounds, Search, Simulated};
+pub use simulated::{EffortsOfLogs, Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};
 pub use summary::{BiasRemedy, EffortSummary, Identification, ModelErrors, Summary, Suspected};
 pub use text::identification_text;

@@ -51,6 +51,18 @@ pub struct Search {
     /// Gains and values of signals that were estimated.
     estimated: Vec<EstimatedToo>,
     undetermined: Vec<UndeterminedDirection>,
+    /// How well the estimate predicts the efforts of the logs, which it did not use.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    efforts: Option<EffortsOfLogs>,
+}
+
+/// How well a fit to responses predicts the efforts of its logs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct EffortsOfLogs {
+    /// eps_RA, the largest of all logs, percent.
+    pub relative_absolute: f64,
+    /// That of least squares of the same efforts, percent.
+    pub least_squares: f64,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -107,7 +119,17 @@ impl Simulated {
             refused: found.refused,
             estimated: estimated.collect(),
             undetermined: undetermined.collect(),
+            efforts: None,
         })
+    }
+
+    /// Adds how well a fit to responses predicts the efforts of its logs.
+    #[must_use]
+    pub fn with_efforts(mut self, efforts: Option<EffortsOfLogs>) -> Self {
+        if let Self::Response(found) = &mut self {
+            found.efforts = efforts;
+        }
+        self
     }
 
     /// What the responses leave undetermined, in words.
@@ -160,7 +182,16 @@ impl Simulated {
                         found.refused
                     );
                 }
-                field("steps", &text)
+                let mut out = field("steps", &text);
+                if let Some(own) = &found.efforts {
+                    let text = format!(
+                        "of the logs are predicted with eps_RA {} %; least squares of them has {} %",
+                        figure_of(3, own.relative_absolute),
+                        figure_of(3, own.least_squares)
+                    );
+                    out.push_str(&field("efforts", &text));
+                }
+                out
             }
         }
     }
