@@ -154,7 +154,6 @@ runs:
         rest_speed: 0.02,
         delays: vec![("q2".to_owned(), 0.004)],
         are_delays_found: false,
-        poses: false,
         columns: Vec::new(),
     };
     assert_eq!(file.settings, expected);
