@@ -392,14 +392,7 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
             "parameters, row 2, valeu: there is no such key",
         ),
         (
-            |file| {
-                drop(
-                    file["parameters"][1]
-                        .as_object_mut()
-                        .unwrap()
-                        .remove("value"),
-                )
-            },
+            |file| file["parameters"][1] = serde_json::json!({"label": "x"}),
             "parameters, row 2: the key `value` is missing",
         ),
         (
@@ -417,7 +410,7 @@ fn parameters_and_factors_that_no_run_of_this_robot_wrote_are_refused_with_the_p
         (
             |file| {
                 file["gains"] =
-                    serde_json::json!([{"effort": "x", "value": 1, "unit": "N/A", "sgima": 1}])
+                    serde_json::json!([{"effort": "x", "value": 1, "unit": "N/A", "sgima": 1}]);
             },
             "gains, row 1, sgima: there is no such key",
         ),

@@ -2,6 +2,7 @@
 //! them, and the aliases of the others.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -393,7 +394,7 @@ fn write_cart(dir: &Path, name: &str, [kp, ki, kd, kv]: [f64; 4], late: usize) {
         velocities.insert(0, v);
         sum += error * step;
         let effort = kp * error + ki * sum - kd * velocities[late] - kv * x;
-        rows += &format!("{t},{x},{goal},{}\n", f64::midpoint(held, effort));
+        let _ = writeln!(rows, "{t},{x},{goal},{}", f64::midpoint(held, effort));
         held = effort;
         for _ in 0..parts {
             let h = step / f64::from(parts);

@@ -183,7 +183,10 @@ impl Written<'_> {
 
     /// Whether `regen inspect` has no robot: neither `--spec` nor a description before the logs.
     fn has_no_robot(&self) -> bool {
-        let is_yaml = |word: &&str| word.ends_with(".yaml") || word.ends_with(".yml");
+        let is_yaml = |word: &&str| {
+            let extension = std::path::Path::new(word).extension();
+            extension.is_some_and(|own| own == "yaml" || own == "yml")
+        };
         let logs = self.words("logs");
         !(self.has("spec") || logs.len() > 1 && logs.first().is_some_and(is_yaml))
     }

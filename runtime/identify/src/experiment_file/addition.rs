@@ -44,8 +44,7 @@ pub fn with_process(text: &str, keys: &[(&str, String)]) -> Option<String> {
             (root.at + 1, format!("process: {braces}{comma}"))
         }
         None => {
-            let lines: Vec<String> = pairs.iter().map(|pair| format!("  {pair}\n")).collect();
-            let lines = lines.concat();
+            let lines = format!("  {}\n", pairs.join("\n  "));
             let end = if text.ends_with('\n') { "" } else { "\n" };
             (text.len(), format!("{end}process:\n{lines}"))
         }
