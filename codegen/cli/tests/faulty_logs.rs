@@ -510,17 +510,24 @@ fn error_of(run: &Run) -> f64 {
 fn a_position_that_jumps_for_good_is_refused_with_its_row_and_divides_the_log() {
     let (dir, log) = bench("jumps_for_good");
     let clean = identify(&dir, &log.text(), &["--format", "json"]).ended(0);
-    // two runs in the wrong order, with times that go on
+    // two stretches in the wrong order, with times that go on
     let mut swapped = log.clone();
-    let order = log.0[731..].iter().chain(&log.0[1..731]);
+    let order = log.0[1..501]
+        .iter()
+        .chain(&log.0[1201..])
+        .chain(&log.0[501..1201]);
     for (k, own) in order.enumerate() {
         swapped.0[k + 1].clone_from(own);
         swapped.0[k + 1][0].clone_from(&log.0[k + 1][0]);
     }
     let shifted = log.each("q3", |row, x| if row < 1271 { x } else { x + 0.3 });
-    for faulty in [&swapped, &shifted] {
+    for (faulty, row) in [(&swapped, 502), (&shifted, 1273)] {
         let run = identify(&dir, &faulty.text(), &[]).ended(3);
-        assert!(run.err.contains("row 1273: column"), "{}", run.err);
+        assert!(
+            run.err.contains(&format!("row {row}: column")),
+            "{}",
+            run.err
+        );
         assert!(run.err.contains("not come back"), "{}", run.err);
     }
     let options = ["--problems", "drop", "--format", "json"];
@@ -536,14 +543,14 @@ fn a_position_that_jumps_for_good_is_refused_with_its_row_and_divides_the_log() 
 fn the_zero_of_a_position_that_is_not_that_of_the_spec_is_told_with_its_size() {
     let (dir, log) = bench("zeros");
     let clean = identify(&dir, &log.text(), &["--format", "json"]).ended(0);
-    for (name, zero) in [("q1", 0.25), ("q3", -0.4)] {
+    for (name, zero) in [("q1", 0.05), ("q3", -0.05)] {
         let text = log.each(name, |_, x| x + zero).text();
         let run = identify(&dir, &text, &[]).ended(0);
         let (_, told) = run.err.split_once("Subtract ").expect(&run.err);
         let (size, from) = told.trim().split_once(" from column ").unwrap();
         assert_eq!(from, format!("`{name}`"));
         let size: f64 = size.parse().unwrap();
-        assert!((size - zero).abs() < 0.01 * zero.abs(), "{size} {zero}");
+        assert!((size - zero).abs() < 0.02 * zero.abs(), "{size} {zero}");
         let mended = log.each(name, |_, x| x + zero - size).text();
         let run = identify(&dir, &mended, &["--format", "json"]).ended(0);
         assert!(

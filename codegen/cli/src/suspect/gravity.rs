@@ -71,14 +71,14 @@ pub(super) fn with_spec(
     if found.iter().any(prevents) {
         return found;
     }
-    let Some((other, _)) = best(columns, sample, specs) else {
+    let Some((other, _, has_gravity)) = best(columns, sample, specs) else {
         return found;
     };
     let of_columns = found.iter().filter_map(|f| {
         let Remedy::Read { columns, .. } = &f.remedy else {
             return f.changed;
         };
-        let is_constant = columns.is_empty();
+        let is_constant = has_gravity && columns.is_empty();
         f.changed
             .map(|changed| changed * if is_constant { AS_GOOD } else { 1.0 })
     });
@@ -103,12 +103,13 @@ fn prevents(found: &Suspicion) -> bool {
     }
 }
 
-/// The change of the spec that fits a log best, if one fits it better than the spec itself.
+/// The change of the spec that fits a log best, if one fits it better than the spec itself, and whether it is one
+/// to another gravity than none.
 fn best(
     columns: &LogColumns<'_, Interpreted<'_>>,
     sample: &Sample,
     specs: &OtherSpecs<'_>,
-) -> Option<(Suspicion, Trial)> {
+) -> Option<(Suspicion, Trial, bool)> {
     let short = suspect::short_trial(columns.model, sample)?;
     if !short.is_doubtful() {
         return None;
@@ -117,7 +118,8 @@ fn best(
     // only the nominal bodies tell that a weight is missing
     let mut out = (!before.nominal.is_empty())
         .then(|| suspect::weightless(columns, sample))
-        .flatten();
+        .flatten()
+        .map(|(suspicion, trial)| (suspicion, trial, false));
     let info = columns.model.info();
     if info.parameters.len() > MAX_PARAMETERS {
         return out;
@@ -146,12 +148,13 @@ fn best(
         let better = found.gain_over(&before).is_some()
             && out
                 .as_ref()
-                .is_none_or(|(_, best)| found.is_better_than(best));
+                .is_none_or(|(_, best, _)| found.is_better_than(best));
         if better {
             let what = words(own, gravity);
             let advice = format!("Give the spec {}, if that is so", key(gravity));
             let suspicion = columns.other_spec(what, &before, &found, advice);
-            out = Some((suspicion, found));
+            let has_gravity = gravity.iter().any(|g| *g != 0.0);
+            out = Some((suspicion, found, has_gravity));
         }
     }
     out

@@ -134,7 +134,21 @@ impl BurstFinder {
         let returns =
             (after - last).abs() > MIN_CHANGES * usual && usual < MAX_CALM_PART * run.jump;
         let expected = run.before + 0.5 * (run.rate + mean(&self.changes)) * (off + 1) as f64;
-        if !returns || (after - expected).abs() > MAX_MOVED_PART * run.jump {
+        let is_back = (after - expected).abs() <= MAX_MOVED_PART * run.jump;
+        // a jump to another place is a second one
+        if returns && run.is_sharp && off > CALM && !is_back {
+            let next = Run {
+                before: *last,
+                jump: (after - last).abs(),
+                rate: run.rate,
+                rows: run.rows.get(off..).unwrap_or_default().to_vec(),
+                is_sharp: true,
+            };
+            self.settle();
+            self.run = Some(next);
+            return;
+        }
+        if !returns || !is_back {
             return;
         }
         let per_row = (after - run.before) / (off + 1) as f64;

@@ -129,6 +129,13 @@ impl Rates {
         self.rows = 0;
     }
 
+    /// The factor by which all velocities are too large, if no unit of theirs is why, see [`common`].
+    pub(super) fn common_factor(&self) -> Option<f64> {
+        let m = self.change_squares.len();
+        let slopes = (0..m).map(|k| (k, self.products[k * m + k] / self.change_squares[k]));
+        common(&slopes.collect::<Vec<_>>())
+    }
+
     /// The mistake of the first velocity column that does not fit its position; `None` if all fit.
     /// Positions that hardly move are not judged.
     ///

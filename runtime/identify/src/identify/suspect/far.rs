@@ -5,6 +5,8 @@ use super::{FarEffort, Sample};
 
 /// The smallest residual of such a state, in robust deviations.
 const MIN_DEVIATIONS: f64 = 12.0;
+/// The same, to be left out of a first fit.
+const DOUBTED_DEVIATIONS: f64 = 5.0;
 /// The same, in the rms of the effort's residuals if it were not explained at all.
 const MIN_PART: f64 = 0.5;
 /// The largest part of the states in which an effort is far off: more is no burst.
@@ -15,6 +17,32 @@ const MAX_STRETCHES: usize = 3;
 const MAX_APART: usize = 3;
 /// A median absolute deviation times this is a standard deviation.
 const DEVIATION_OF_MEDIAN: f64 = 1.4826;
+
+/// The states in which an effort is further off than chance: a fit that they spoil is made without them.
+pub(super) fn doubted(grams: &Grams, fit: &Fit) -> Vec<usize> {
+    let mut out = Vec::new();
+    for i in (0..grams.rows()).filter(|i| grams.only_effort(*i).is_some()) {
+        let residuals: Vec<f64> = (grams.stored.iter())
+            .map(|own| own.residual(i, &fit.values).abs())
+            .collect();
+        let mut sizes = residuals.clone();
+        sizes.sort_by(f64::total_cmp);
+        let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+        let least = DOUBTED_DEVIATIONS * DEVIATION_OF_MEDIAN * median;
+        let far = grams
+            .stored
+            .iter()
+            .zip(&residuals)
+            .filter(|(_, r)| **r > least);
+        let far: Vec<usize> = far.map(|(own, _)| own.state).collect();
+        if (far.len() as f64) < MAX_FAR_PART * residuals.len() as f64 {
+            out.extend(far);
+        }
+    }
+    out.sort_unstable();
+    out.dedup();
+    out
+}
 
 /// The efforts that are far off in a few stretches, and the states of these.
 pub(super) fn efforts(sample: &Sample, grams: &Grams, fit: &Fit) -> (Vec<FarEffort>, Vec<usize>) {
@@ -60,6 +88,18 @@ pub(super) fn efforts(sample: &Sample, grams: &Grams, fit: &Fit) -> (Vec<FarEffo
                 .filter_map(|k| residuals.get(*k))
                 .map(|own| own.0),
         );
+    }
+    // several that are off at once are so for another reason, such as a position
+    let is_alone = |own: &FarEffort| {
+        let meets = |other: &&FarEffort| {
+            other.effort != own.effort
+                && own.times[0] <= other.times[1]
+                && other.times[0] <= own.times[1]
+        };
+        out.iter().find(meets).is_none()
+    };
+    if !out.iter().all(is_alone) {
+        return (Vec::new(), Vec::new());
     }
     states.sort_unstable();
     states.dedup();

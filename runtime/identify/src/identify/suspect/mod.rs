@@ -206,28 +206,12 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     let mut grams = Grams::of(model, sample, &plain, every);
     let rest;
     let mut sample = sample;
-    if let Some(own) = &grams
-        && let Some(now) = own.fit(&Reading::plain(info.actuated.len()), &[])
+    if let Some((far, left, others)) = grams
+        .as_ref()
+        .and_then(|own| without_far(model, sample, own, every))
     {
-        let (far, states) = far::efforts(sample, own, &now);
-        if !far.is_empty() {
-            let left = Sample {
-                states: (sample.states.iter().enumerate())
-                    .filter(|(k, _)| states.binary_search(k).is_err())
-                    .map(|(_, state)| state.clone())
-                    .collect(),
-                ..sample.clone()
-            };
-            let others = Grams::of(model, &left, &plain, every);
-            let fit = (others.as_ref())
-                .and_then(|own| own.fit(&Reading::plain(info.actuated.len()), &[]));
-            // without them the rest is explained better, so that the search goes on with it
-            if fit.is_some_and(|fit| quality(&now.errors) > MIN_GAIN_OF_REST * quality(&fit.errors))
-            {
-                (out.far, grams, rest) = (far, others, left);
-                sample = &rest;
-            }
-        }
+        (out.far, grams, rest) = (far, Some(others), left);
+        sample = &rest;
     }
     let mut best: Option<Change> = None;
     let mut fits = None;
@@ -285,6 +269,41 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     }
     out.change = best;
     out
+}
+
+/// The efforts that are far off in a part of the log, the sample without these states and its sums; `None` if
+/// there are none, or the rest is explained no better without them.
+fn without_far<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    grams: &Grams,
+    every: usize,
+) -> Option<(Vec<FarEffort>, Sample, Grams)> {
+    let read = Reading::plain(model.info().actuated.len());
+    let plain = Reading::plain(sample.measured.len());
+    let without = |states: &[usize]| Sample {
+        states: (sample.states.iter().enumerate())
+            .filter(|(k, _)| states.binary_search(k).is_err())
+            .map(|(_, state)| state.clone())
+            .collect(),
+        ..sample.clone()
+    };
+    let now = grams.fit(&read, &[])?;
+    let doubted = far::doubted(grams, &now);
+    if doubted.is_empty() {
+        return None;
+    }
+    let fit = Grams::of(model, &without(&doubted), &plain, every)?.fit(&read, &[])?;
+    let (efforts, states) = far::efforts(sample, grams, &fit);
+    if efforts.is_empty() {
+        return None;
+    }
+    let rest = without(&states);
+    let others = Grams::of(model, &rest, &plain, every)?;
+    let fit = others.fit(&read, &[])?;
+    // the search goes on with what is explained better
+    (quality(&now.errors) > MIN_GAIN_OF_REST * quality(&fit.errors))
+        .then_some((efforts, rest, others))
 }
 
 /// The product of the errors, each taken as 1 % at least: smaller ones do not matter.

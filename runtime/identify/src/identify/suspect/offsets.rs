@@ -66,7 +66,10 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     positions.get_mut(k)?.offset += step;
     let own = Grams::of(model, sample, &positions, all)?;
     let after = own.fit(&plain, &[]).filter(|_| own.closes())?;
-    (quality(&now.errors) >= MIN_GAIN_PER_COLUMN * quality(&after.errors)).then(|| Change {
+    let worst = |fit: &Fit| fit.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
+    let is_explained = MIN_GAIN_PER_COLUMN * worst(&after) < worst(now);
+    let gain = quality(&now.errors) / quality(&after.errors);
+    (is_explained && gain >= MIN_GAIN_PER_COLUMN).then(|| Change {
         efforts: plain,
         positions,
         offsets: vec![0.0; model.info().actuated.len()],
