@@ -333,7 +333,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             if reading.offset != 0.0 {
                 let source = self.source(quantity);
                 let offset = -reading.offset / source.factor;
-                let unit = if source.factor.to_bits() == 1.0_f64.to_bits() {
+                let unit = if (source.factor - 1.0).abs() < f64::EPSILON {
                     ""
                 } else {
                     " in its unit"
