@@ -394,7 +394,7 @@ fn write_cart(dir: &Path, name: &str, [kp, ki, kd, kv]: [f64; 4], late: usize) {
         velocities.insert(0, v);
         sum += error * step;
         let effort = kp * error + ki * sum - kd * velocities[late] - kv * x;
-        let _ = write!(rows, "{t},{x},{goal},{}\n", f64::midpoint(held, effort));
+        let _ = writeln!(rows, "{t},{x},{goal},{}", f64::midpoint(held, effort));
         held = effort;
         for _ in 0..parts {
             let h = step / f64::from(parts);
