@@ -574,9 +574,9 @@ fn prepared() -> PathBuf {
     for k in 0..400 {
         let t = 0.01 * f64::from(k);
         let q = (3.0 * t).sin();
-        let _ = write!(
+        let _ = writeln!(
             rows,
-            "{t},{q},{},{}\n",
+            "{t},{q},{},{}",
             q + 0.01 * t.cos(),
             4.0 * (2.0 * t).cos()
         );
