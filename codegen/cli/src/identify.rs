@@ -9,6 +9,7 @@ use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
 use regen_identify::session::{
     self, Choice, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
 };
+use regen_identify::signals::Method;
 use regen_identify::status::EffortContributions;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{
@@ -116,7 +117,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         let session = session(&args, &model);
         let open = choice::open(&args.reading, is_loss_open(&args));
         let made = choice::made(&mut args.reading, &session, &mut args.logs, open);
-        if made.is_err() && suspect::warn_without_choice(&args, &model).is_empty() {
+        if made.is_err() && suspect::warn_without_choice(&args, &model, &[]).is_empty() {
             suspect::warn_of_contradictions(&args, &model);
         }
         made?
@@ -163,7 +164,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         .iter()
         .all(|doubt| doubt.found.changed.is_none());
     if filter.is_some() && is_poor && is_open {
-        let more = suspect::warn_without_choice(args, &model);
+        let known = &json.summary.suspicions;
+        let more = suspect::warn_without_choice(args, &model, known);
         json.summary.suspicions.extend(more);
     }
     json.file.filter.clone_from(&filter);
@@ -537,6 +539,10 @@ fn logs(
                 .all(|(_, n)| *n > 0)
         };
         errors.retain(|error| acts(&error.name));
+    }
+    if matches!(session.reading.method, Method::Fourier { .. }) {
+        // no filter takes noise out of the equations of a series
+        errors = errors.iter().map(EffortError::of_means).collect();
     }
     note_unexplained(model, &errors);
     let mut summary = Summary::of(&start);

@@ -70,13 +70,25 @@ pub(crate) fn warn(
     logs: &Logs<'_, Interpreted<'_>>,
     found: Option<&Estimate>,
 ) -> Vec<Suspected> {
+    warn_of_more(args, model, logs, (found, &[]))
+}
+
+/// As [`warn`], but for what is known already.
+fn warn_of_more(
+    args: &IdentifyArgs,
+    model: &Interpreted<'_>,
+    logs: &Logs<'_, Interpreted<'_>>,
+    (found, known): (Option<&Estimate>, &[Suspected]),
+) -> Vec<Suspected> {
     if args.no_suspicion {
         return Vec::new();
     }
     let given = observe::settings(&args.reading).columns;
     let spec = OtherSpecs::new(&args.file, args.reading.payload);
     let mut out = doubts(model, logs, &given, found, &spec);
+    let known: Vec<String> = known.iter().map(ToString::to_string).collect();
     out.retain(|doubt| args.huber.is_none() || doubt.found.remedy != Remedy::Bounded);
+    out.retain(|doubt| !known.contains(&doubt.to_string()));
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }
@@ -105,7 +117,13 @@ pub(crate) fn warn_of_contradictions(args: &IdentifyArgs, model: &Interpreted<'_
 
 /// Prints what looks wrong with logs for which no filter could be chosen, behind a low one, as columns of
 /// wrong signs or units may be why.
-pub(crate) fn warn_without_choice(args: &IdentifyArgs, model: &Interpreted<'_>) -> Vec<Suspected> {
+///
+/// - `known`: what was printed already.
+pub(crate) fn warn_without_choice(
+    args: &IdentifyArgs,
+    model: &Interpreted<'_>,
+    known: &[Suspected],
+) -> Vec<Suspected> {
     let mut args = args.clone();
     let opened = observe::open(model, &args.logs, &args.reading).ok();
     let step = opened.and_then(|opened| Some(opened.logs().sample(0).ok()?.step));
@@ -117,7 +135,7 @@ pub(crate) fn warn_without_choice(args: &IdentifyArgs, model: &Interpreted<'_>) 
     let opened = observe::open(model, &args.logs, &args.reading);
     opened.map_or_else(
         |_| Vec::new(),
-        |opened| warn(&args, model, opened.logs(), None),
+        |opened| warn_of_more(&args, model, opened.logs(), (None, known)),
     )
 }
 

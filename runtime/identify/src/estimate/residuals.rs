@@ -70,9 +70,25 @@ impl EffortError {
     /// };
     /// assert!(!error.is_explained());
     /// assert_eq!(error.is_correlated(), Some(true));
+    /// // means of two rows have three quarters of the variance
+    /// assert!(error.of_means().is_explained());
     /// ```
     pub fn is_explained(&self) -> bool {
         self.relative_rms <= MAX_EXPLAINED_RMS_PERCENT && !self.misses_change()
+    }
+
+    /// The error of the means of as many consecutive rows as autocorrelations are known: what is left of noise that
+    /// no filter removed says nothing of the model.
+    #[must_use]
+    pub fn of_means(&self) -> Self {
+        let rows = (self.autocorrelation.len() + 1) as f64;
+        let lags = self.autocorrelation.iter().zip(1_u32..);
+        let sum: f64 = lags.map(|(x, lag)| (1.0 - f64::from(lag) / rows) * x).sum();
+        let part = ((1.0 + 2.0 * sum) / rows).clamp(0.0, 1.0).sqrt();
+        Self {
+            relative_rms: part * self.relative_rms,
+            ..self.clone()
+        }
     }
 
     /// Whether most of the change of the effort is left, and so slowly that it is no noise: a constant, such
