@@ -288,10 +288,10 @@ class IdentifyOptions(TypedDict, total=False):
     payload: Value | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
-    #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
-    poses: bool
     #: Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD (may be repeated) [default: from the robot's inertia, for the bandwidth at which the simulated motion is closest to the measured one]
     pid: Values | None
+    #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
+    poses: bool
     #: Use the spec's nominal values as a prior: `weighted` or `weighted:PERCENT`, with standard deviations in percent of them [default 30], or `entropic` or `entropic:WEIGHT`, with the divergence of pseudo-inertias [default 1]
     prior: Value | None
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]

@@ -229,15 +229,12 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if out.is_empty() {
         out.extend(beyond(columns, sample));
     }
-    if out.is_empty()
-        && let Some((values, sigmas)) = estimate
-        && let negative = negative_inertias(model, values, sigmas)
-        && !negative.is_empty()
-    {
-        if negative.len() < info.dof() {
-            out.push(columns.light(&negative));
-            return out;
-        }
+    let light = match estimate {
+        Some((values, sigmas)) if out.is_empty() => negative_inertias(model, values, sigmas),
+        _ => Vec::new(),
+    };
+    let are_all_light = !light.is_empty() && light.len() == info.dof();
+    if are_all_light {
         let all: Vec<usize> = (0..info.actuated.len()).collect();
         out.push(columns.suspicion(
             "these parameters make every inertia negative: the signs of all efforts, or of all \
@@ -262,6 +259,10 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
                 Remedy::Physical,
             )
         }));
+    }
+    // what a single parameter or an offset explains is told before
+    if out.is_empty() && !light.is_empty() {
+        out.push(columns.light(&light));
     }
     out.extend(
         columns
