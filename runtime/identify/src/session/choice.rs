@@ -410,7 +410,10 @@ fn found<M: BaseModel<f64> + ?Sized>(
             },
             ..session.with_reading(session.reading.clone())
         };
-        let loss = loss_choice(&robust, &basis)?;
+        let mut loss = loss_choice(&robust, &basis)?;
+        // what a filter makes of a wandering clock looks like outliers, which a series does not have
+        let series = choice.series.as_ref().filter(|own| own.is_used);
+        loss = loss.filter(|own| series.is_none_or(|series| own.bounded < series.series));
         if loss.is_some_and(|own| own.huber.is_some()) {
             basis.search = search(&robust, &basis.logs)?;
             if let Some(other) = basis.choice() {
