@@ -43,7 +43,7 @@ pub struct Trial {
     /// What the nominal bodies leave of the effort of each equation, over the same; empty where they
     /// are not known.
     pub nominal: Vec<f64>,
-    /// The largest correlation of residuals at [`LAGS`], of any equation: that of noise is small.
+    /// The largest correlation of residuals at some lags, of any equation: that of noise is small.
     pub correlation: f64,
     /// How many directions have a negative inertia, and how many joints are driven by their friction.
     pub implausible: usize,
