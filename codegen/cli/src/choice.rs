@@ -96,8 +96,7 @@ pub(crate) fn made_without_loads(
     }
     let session = identify::session(&args.clone(), &model).in_amperes();
     // efforts in A do not share parameters as the equations do, so that delays and outliers would be those
-    // of a model that does not hold
-    // (nor do runs with a payload repeat the motion of those without)
+    // of a model that does not hold; and runs with a payload need not repeat the motion of those without
     made(
         &mut args.reading,
         &session,

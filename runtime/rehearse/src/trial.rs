@@ -103,7 +103,9 @@ where
         };
         if let Some(choice) = of_other_motions {
             session.reading.method = choice.method();
-            session.reading.decimation = choice.equation_decimation();
+            if session.reading.decimation == 1 {
+                session.reading.decimation = choice.equation_decimation();
+            }
         }
         let error = match fresh {
             Some(fresh) => self.error_of(&session, fresh, &found)?,

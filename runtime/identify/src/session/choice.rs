@@ -329,12 +329,13 @@ pub fn chosen<M: BaseModel<f64> + ?Sized>(
         loss: open.loss && session.kind == EquationKind::Forces && !is_averaged,
         ..open
     };
-    let mut found = found(&forces, runs, open)?;
+    let found = found(&forces, runs, open);
+    session.watch.finished();
+    let mut found = found?;
     if let Some(series) = found.as_mut().and_then(|own| own.series.as_mut()) {
         // a mean of periods is a series, however accurate filters of the whole log are
         series.is_used |= is_averaged;
     }
-    session.watch.finished();
     Ok(found)
 }
 
