@@ -52,6 +52,9 @@ pub fn directions<M: Model<f64> + ?Sized>(
     }
 }
 
+/// One of so many moving samples is slow.
+const SLOW_PART: usize = 100;
+
 /// A joint with nonlinear friction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrictionJoint {
@@ -82,9 +85,9 @@ pub struct FrictionData {
     runs: Vec<Run>,
     /// Whether the friction of a joint acts on a row at any sample: dof x joints, joint by joint.
     pub(super) acts: Vec<bool>,
-    /// Changes of the base parameters that sampling leaves unknown, SI, each of which counts as a standard
-    /// deviation.
-    pub(super) sampling: Vec<Vec<f64>>,
+    /// Changes of the base parameters and of the coefficients of friction that sampling, noise of the motion and delays
+    /// leave unknown, SI, each of which counts as a standard deviation.
+    pub(super) changes: Vec<Vec<f64>>,
     /// The linear columns after their reduction, from the first factor on.
     reduced: OnceLock<Arc<Reduced>>,
 }
@@ -206,7 +209,7 @@ impl FrictionData {
             weights: Vec::new(),
             runs: Vec::new(),
             acts: vec![false; dof * joints.len()],
-            sampling: Vec::new(),
+            changes: Vec::new(),
             reduced: OnceLock::new(),
         })
     }
@@ -329,11 +332,20 @@ impl FrictionData {
         Ok(())
     }
 
-    /// Sets the changes of the base parameters that sampling leaves unknown, SI; entries behind those of the
-    /// base parameters do not count.
-    pub(crate) fn with_sampling(mut self, changes: &[Vec<f64>]) -> Self {
-        let base = |change: &Vec<f64>| change.iter().copied().take(self.labels.len()).collect();
-        self.sampling = changes.iter().map(base).collect();
+    /// Sets what sampling, noise of the motion and delays leave unknown.
+    ///
+    /// - `changes`: of the base parameters and of `Fc` and `Fv` of each joint, SI.
+    pub(crate) fn with_changes(mut self, changes: &[Vec<f64>]) -> Self {
+        let of_laws = |change: &Vec<f64>| {
+            let (base, linear) = change.split_at(change.len().min(self.labels.len()));
+            let mut out = base.to_vec();
+            for (law, own) in self.laws.iter().zip(linear.chunks_exact(2)) {
+                let (coefficients, _) = law.of_linear([own[0], own[1]], [1.0; SHAPES]);
+                out.extend(coefficients.iter().take(law.coefficients().len()));
+            }
+            out
+        };
+        self.changes = changes.iter().map(of_laws).collect();
         self
     }
 
@@ -428,6 +440,96 @@ impl FrictionData {
         (0..joints).map(of).collect()
     }
 
+    /// The absolute velocity of each joint below which it is in one of a hundred of the samples in which it moves,
+    /// rad/s or m/s; at most [`fastest`](Self::fastest).
+    pub(super) fn slowest(&self) -> Vec<f64> {
+        let joints = self.joints.len();
+        let of = |(k, fastest): (usize, f64)| {
+            let runs = self.runs.iter();
+            let all = runs.flat_map(|run| run.qd.iter().skip(k).step_by(joints.max(1)));
+            let mut moving: Vec<f64> = all.map(|v| v.abs()).filter(|v| *v > 0.0).collect();
+            moving.sort_by(f64::total_cmp);
+            let one = moving.len() / SLOW_PART;
+            moving.get(one).copied().unwrap_or(fastest)
+        };
+        self.fastest().into_iter().enumerate().map(of).collect()
+    }
+
+    /// The same equations with the friction of one joint alone: the others have these shapes, and their
+    /// coefficients count as further linear parameters.
+    pub(super) fn of_joint(
+        &self,
+        joint: usize,
+        laws: &[Friction],
+        shapes: &[[f64; SHAPES]],
+    ) -> Result<Self, EstimateError> {
+        let columns = FrictionColumns {
+            laws,
+            shapes,
+            has_slopes: false,
+        };
+        let (dof, r, joints) = (self.dof, self.labels.len(), self.joints.len());
+        let before: usize = laws
+            .iter()
+            .take(joint)
+            .map(|l| l.coefficients().len())
+            .sum();
+        let own = laws.get(joint).map_or(0, |l| l.coefficients().len());
+        let own = r + before..r + before + own;
+        let mut labels = self.labels.clone();
+        labels.extend(self.coefficients(laws));
+        let kept: Vec<usize> = (0..labels.len()).filter(|c| !own.contains(c)).collect();
+        let mut w = Vec::with_capacity(self.len() * dof * kept.len());
+        self.visit(&columns, &mut |rows| {
+            for column in &kept {
+                w.extend_from_slice(&rows.w[column * dof..(column + 1) * dof]);
+            }
+            Ok(())
+        })?;
+        let every = |values: &[f64], width: usize| -> Vec<f64> {
+            let groups = values.chunks_exact((joints * width).max(1));
+            let own = groups.map(|all| &all[joint * width..(joint + 1) * width]);
+            own.flatten().copied().collect()
+        };
+        let runs = self.runs.iter().map(|run| Run {
+            times: run.times.clone(),
+            qd: every(&run.qd, 1),
+            directions: every(&run.directions, dof),
+            known: run.known.clone(),
+            averaged: run.averaged,
+            equations: run.equations.clone(),
+        });
+        Ok(Self {
+            labels: kept.iter().map(|c| labels[*c].clone()).collect(),
+            joints: vec![self.joints[joint].clone()],
+            laws: vec![laws[joint]],
+            dof,
+            filtering: self.filtering.clone(),
+            w,
+            tau: self.tau.clone(),
+            held: Vec::new(),
+            weights: self.weights.clone(),
+            runs: runs.collect(),
+            acts: self.acts[joint * dof..(joint + 1) * dof].to_vec(),
+            changes: Vec::new(),
+            reduced: OnceLock::new(),
+        })
+    }
+
+    /// The factor of the linear columns and of the coefficients of friction for these shapes.
+    pub(super) fn factor(
+        &self,
+        laws: &[Friction],
+        shapes: &[[f64; SHAPES]],
+    ) -> Result<QrFactor, EstimateError> {
+        let columns = FrictionColumns {
+            laws,
+            shapes,
+            has_slopes: false,
+        };
+        self.reduced()?.factor(self, &columns)
+    }
+
     /// The labels of the linear coefficients of friction, `symbol(joint)`.
     pub(super) fn coefficients(&self, laws: &[Friction]) -> Vec<String> {
         let of = |(law, joint): (&Friction, &FrictionJoint)| {
@@ -495,7 +597,7 @@ impl FrictionData {
             weights: self.weights.clone(),
             runs,
             acts: self.acts.clone(),
-            sampling: Vec::new(),
+            changes: Vec::new(),
             reduced: self.reduced.clone(),
             ..*self
         })
@@ -526,7 +628,6 @@ impl FrictionData {
     ) -> Result<(), EstimateError> {
         let (dof, r) = (self.dof, self.labels.len());
         let places = columns.places(self);
-        let shifts = columns.shifts_efforts();
         let mut w = vec![0.0; dof * (r + columns.count())];
         let mut tau = vec![0.0; dof];
         let mut channels = Vec::new();
@@ -540,11 +641,7 @@ impl FrictionData {
                 let weights = &self.weights[equation * dof..][..dof];
                 let own = &channels[sample * places.len()..][..places.len()];
                 for ((column, row), value) in places.iter().zip(own) {
-                    let value = value * weights[*row];
-                    w[(r + column) * dof + row] = value;
-                    if shifts.contains(column) {
-                        tau[*row] += value;
-                    }
+                    w[(r + column) * dof + row] = value * weights[*row];
                 }
                 each(Rows {
                     w: &w,

@@ -168,7 +168,10 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         }
         EquationKind::Energy { .. } => "",
     };
-    let late = add_delay_error(&session.reading, &mut identified);
+    let late = delay_errors(&session.reading, &identified.delays);
+    for change in late.errors.iter().chain([&late.left]) {
+        add_change(change, &mut identified);
+    }
     let motion = add_motion_noise(session, logs, &mut identified)?;
     let noise_note = match &motion {
         Some(own) if own.is_mentioned => MOTION_NOISE,
@@ -188,11 +191,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     if let Some(own) = motion {
         (start.intervals.bias, start.correction) = (own.size, own.correction);
     }
-    let columns = start.intervals.bias.len().max(late.len());
-    start.intervals.bias.resize(columns, 0.0);
-    for (bias, change) in start.intervals.bias.iter_mut().zip(&late) {
-        *bias = bias.hypot(*change);
-    }
+    late.bias(&mut start.intervals.bias);
     Ok(LeastSquaresStart {
         kind: kind.name(),
         equations,
@@ -201,26 +200,44 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Adds to the deviations what the delays move that the equations still have, and the errors of those that were
-/// found from the same logs. Returns what makes values biased: nothing where all that is left may be chance.
-fn add_delay_error(reading: &Settings, identified: &mut Identified) -> Vec<f64> {
-    let found = &identified.delays;
+/// What delays of the efforts leave unknown of the parameters.
+struct DelayErrors {
+    /// By how much the errors of delays that were found from the same logs move the parameters.
+    errors: Vec<Vec<f64>>,
+    /// By how much the delays move them that the equations still have.
+    left: Vec<f64>,
+    /// Whether these are beyond chance, so that values are biased.
+    is_biased: bool,
+}
+
+impl DelayErrors {
+    /// Adds what the delays bias to the biases of the parameters.
+    fn bias(&self, biases: &mut Vec<f64>) {
+        if self.is_biased {
+            biases.resize(biases.len().max(self.left.len()), 0.0);
+            for (bias, change) in biases.iter_mut().zip(&self.left) {
+                *bias = bias.hypot(*change);
+            }
+        }
+    }
+}
+
+/// What the delays move that the equations still have, and the errors of those that were found from the same logs.
+fn delay_errors(reading: &Settings, found: &Delays) -> DelayErrors {
     // a single value of all efforts has one cause
     let mut pairs = reading.delays.windows(2);
     let is_one = reading.delays.len() == found.efforts.len()
         && found.efforts.len() > 1
         && pairs.all(|own| matches!(own, [(_, a), (_, b)] if a.to_bits() == b.to_bits()));
-    let errors = match (reading.are_delays_found, is_one) {
-        (false, _) => Vec::new(),
-        (true, true) => vec![found.common_change.clone()],
-        (true, false) => found.changes.clone(),
-    };
-    let left = found.left_change(reading.are_delays_found && !is_one);
-    let is_biased = found.are_significant();
-    for change in errors.iter().chain([&left]) {
-        add_change(change, identified);
+    DelayErrors {
+        errors: match (reading.are_delays_found, is_one) {
+            (false, _) => Vec::new(),
+            (true, true) => vec![found.common_change.clone()],
+            (true, false) => found.changes.clone(),
+        },
+        left: found.left_change(reading.are_delays_found && !is_one),
+        is_biased: found.are_significant(),
     }
-    if is_biased { left } else { Vec::new() }
 }
 
 /// Adds what something moves, whose size is known and whose sign is not, to the deviations.
@@ -498,6 +515,14 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         }
         residuals = Some(statistics);
     }
+    let delays = {
+        let options = identify::Options {
+            weighting: session.options.weighting,
+            ..identify::Options::default()
+        };
+        super::delays::identified(session, &options, &mut logs)?.delays
+    };
+    let late = delay_errors(&session.reading, &delays);
     let by_noise;
     let (deviations, blocks, sampling_note, changes) = {
         let blocks = data.linear_scores(&estimate.values)?;
@@ -519,6 +544,13 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         ];
         changes.extend(by_motion);
         let (found, words) = found.with_sampling(&changes);
+        let by_delays = late.errors.iter().chain([&late.left]);
+        let by_delays = by_delays.filter(|change| change.iter().any(|x| *x != 0.0));
+        let by_delays: Vec<Vec<f64>> = by_delays.cloned().collect();
+        let found = by_delays
+            .iter()
+            .fold(found, |sum, change| sum.with_change(change));
+        changes.extend(by_delays);
         let add = |blocks: Blocks, change| blocks.with_change(&factor, change);
         let blocks = changes.iter().map(Vec::as_slice).fold(blocks, add);
         (found, blocks, words, changes)
@@ -530,6 +562,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     // get their own statistics
     let mut intervals = Intervals::of(&estimate, &estimate_for_intervals, confidence, method);
     intervals.bias = by_noise;
+    late.bias(&mut intervals.bias);
     if let Some(statistics) = &residuals {
         let errors_and_weights = statistics.efforts().into_iter().zip(&weights);
         estimate.efforts = errors_and_weights
@@ -557,8 +590,8 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
             .unwrap_or_default(),
         relative_absolute: residuals.as_ref().map(Residuals::relative_absolute),
         left_out: Some(left_out),
-        data: Some(data.with_sampling(&changes)),
-        delays: Delays::default(),
+        data: Some(data.with_changes(&changes)),
+        delays,
         contained: Vec::new(),
         reports: logs.logs().reports().to_vec(),
         correction: Vec::new(),
