@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::columns::FrictionColumns;
+use super::columns::{FrictionColumns, curved};
 use super::reduced::{Linearised, Reduced};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
@@ -455,34 +455,61 @@ impl FrictionData {
         self.fastest().into_iter().enumerate().map(of).collect()
     }
 
-    /// The same equations with the friction of one joint alone: the others have these shapes, and their
-    /// coefficients count as further linear parameters.
+    /// The same equations with the friction of one joint alone: the coefficients of the others count as further
+    /// linear parameters.
+    ///
+    /// - `values`: the base parameters and the coefficients of friction, if the shapes of the others are not known
+    ///   but about these: the steps of their logarithms then count as linear parameters too.
     pub(super) fn of_joint(
         &self,
         joint: usize,
         laws: &[Friction],
         shapes: &[[f64; SHAPES]],
+        values: Option<&[f64]>,
     ) -> Result<Self, EstimateError> {
         let columns = FrictionColumns {
             laws,
             shapes,
-            has_slopes: false,
+            has_slopes: values.is_some(),
         };
         let (dof, r, joints) = (self.dof, self.labels.len(), self.joints.len());
-        let before: usize = laws
-            .iter()
-            .take(joint)
-            .map(|l| l.coefficients().len())
-            .sum();
-        let own = laws.get(joint).map_or(0, |l| l.coefficients().len());
-        let own = r + before..r + before + own;
+        let (mut kept, mut steps): (Vec<usize>, Vec<Vec<(usize, f64)>>) = <_>::default();
+        kept.extend(0..r);
+        let (mut column, mut slope) = (r, r + self.coefficients(laws).len());
+        for (k, law) in laws.iter().enumerate() {
+            let count = law.coefficients().len();
+            if k != joint {
+                kept.extend(column..column + count);
+            }
+            for _ in law.shape_symbols() {
+                let own: Vec<(usize, f64)> = (curved(*law).into_iter().zip(slope..))
+                    .map(|(c, place)| {
+                        (
+                            place,
+                            values.and_then(|x| x.get(column + c)).map_or(0.0, |x| *x),
+                        )
+                    })
+                    .collect();
+                slope += own.len();
+                if k != joint && values.is_some() {
+                    steps.push(own);
+                }
+            }
+            column += count;
+        }
         let mut labels = self.labels.clone();
         labels.extend(self.coefficients(laws));
-        let kept: Vec<usize> = (0..labels.len()).filter(|c| !own.contains(c)).collect();
-        let mut w = Vec::with_capacity(self.len() * dof * kept.len());
+        let mut labels: Vec<String> = kept.iter().map(|c| labels[*c].clone()).collect();
+        labels.extend((0..steps.len()).map(|k| format!("step {k}")));
+        let mut w = Vec::with_capacity(self.len() * dof * labels.len());
         self.visit(&columns, &mut |rows| {
-            for column in &kept {
-                w.extend_from_slice(&rows.w[column * dof..(column + 1) * dof]);
+            let column = |k: usize| &rows.w[k * dof..(k + 1) * dof];
+            for own in &kept {
+                w.extend_from_slice(column(*own));
+            }
+            for own in &steps {
+                let row = |i: usize| own.iter().map(|(k, x)| x * column(*k)[i]).sum::<f64>();
+                w.extend((0..dof).map(row));
             }
             Ok(())
         })?;
@@ -500,7 +527,7 @@ impl FrictionData {
             equations: run.equations.clone(),
         });
         Ok(Self {
-            labels: kept.iter().map(|c| labels[*c].clone()).collect(),
+            labels,
             joints: vec![self.joints[joint].clone()],
             laws: vec![laws[joint]],
             dof,

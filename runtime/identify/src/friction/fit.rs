@@ -3,7 +3,7 @@
 
 use super::FrictionData;
 use super::columns::curved;
-use super::likelihood::{ShapeGrid, cost};
+use super::likelihood::Shapes;
 use super::reduced::Linearised;
 use super::starts::{STARTS, ranges, start, within};
 use super::values::{explained, symbols};
@@ -215,10 +215,15 @@ impl<'a> Search<'a> {
     fn scanned(&self, point: &Point) -> Result<Vec<[f64; SHAPES]>, FeasibilityError> {
         let mut shapes = point.shapes.clone();
         for (joint, (law, ranges)) in self.laws.iter().zip(&self.ranges).enumerate() {
-            let own = self.data.of_joint(joint, &self.laws, &point.shapes)?;
+            let own = self.data.of_joint(joint, &self.laws, &point.shapes, None)?;
             let known = shapes.get(joint).copied().unwrap_or([1.0; SHAPES]);
-            let (shape, least) = ShapeGrid::over(&own, *law, *ranges)?.best();
-            let gains = least < cost(&own, *law, known)?;
+            let of_joint = Shapes {
+                data: &own,
+                law: *law,
+                ranges: *ranges,
+            };
+            let (shape, least) = of_joint.best_of_grid()?;
+            let gains = least < of_joint.cost(known)?;
             if let (Some(slot), true) = (shapes.get_mut(joint), gains) {
                 *slot = shape;
             }

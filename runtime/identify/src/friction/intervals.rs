@@ -3,7 +3,7 @@
 use super::FrictionData;
 use super::columns::{FrictionColumns, curved};
 use super::fit::{FrictionFit, Optimum, shape_ranges};
-use super::likelihood::ShapeGrid;
+use super::likelihood::Shapes;
 use super::reversals;
 use super::scores::FittedColumns;
 use super::starts::within;
@@ -259,18 +259,17 @@ impl ShapeDraws<'_> {
             let same = point.shapes.get(joint).copied().unwrap_or([1.0; SHAPES]);
             return Ok(vec![same; count]);
         };
-        let own = self.data.of_joint(joint, &point.laws, &point.shapes)?;
+        let own = self
+            .data
+            .of_joint(joint, &point.laws, &point.shapes, Some(&point.values))?;
         let noise = self.noise_of(joint);
-        let grid = ShapeGrid::over(&own, law, range)?.divided(&own, noise)?;
-        // one draw from each of as many equal parts of the distribution, in random order
-        let mut order: Vec<(f64, usize)> = (0..count).map(|k| (random.part(), k)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut part = |(_, k): &(f64, usize)| (*k as f64 + random.part()) / count as f64;
-        let parts: Vec<f64> = order.iter().map(&mut part).collect();
-        let within: Vec<[f64; SHAPES]> = (0..count)
-            .map(|_| [(); SHAPES].map(|()| random.part()))
-            .collect();
-        Ok(grid.drawn(noise, &parts, &within))
+        let shapes = Shapes {
+            data: &own,
+            law,
+            ranges: range,
+        };
+        let known = point.shapes.get(joint).copied().unwrap_or([1.0; SHAPES]);
+        Ok(shapes.drawn(known, noise, random, count)?)
     }
 
     /// The squared residuals of one independent row in the directions of a joint's coefficients, the others being known:

@@ -70,7 +70,7 @@ fn simulate_for(
                     .enumerate()
                     .map(|(k, (law, x))| directions[2 * k + i] * force(*law, qd[k], x))
                     .sum();
-                body + friction + noise * ((t * 7919 + i * 31) as f64 * 12.9898).sin()
+                body + friction + noise * rough(t * 7919 + i * 31)
             })
             .collect();
         data.push(&w, &tau, &qd, &directions, &[1.0, 1.0]).unwrap();
@@ -216,4 +216,12 @@ fn weighing_stored_rows_equals_weighing_them_when_they_are_added() {
         filled(&weights).linear_factor().unwrap()
     );
     assert!(later.weigh(&[1.0]).is_err() && later.weigh(&[1.0, 0.0]).is_err());
+}
+
+/// A number from -1 to 1 whose digits look random (SplitMix64), the same on every machine.
+fn rough(k: usize) -> f64 {
+    let mut x = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
