@@ -257,6 +257,8 @@ pub(crate) struct ProjectedDraws {
     /// The r base parameters of each draw, SI.
     pub(crate) beta: Vec<Vec<f64>>,
     pub(crate) failed: usize,
+    /// The index of each draw among those that were to be projected.
+    pub(crate) solved: Vec<usize>,
     /// The least-squares parameters of each draw before the projection.
     unprojected: Vec<Vec<f64>>,
     /// The uncertain limits of base parameters that consist of one parameter alone: the index of
@@ -457,6 +459,7 @@ pub(crate) fn projected(
         phi: Vec::with_capacity(draws.len()),
         beta: Vec::with_capacity(draws.len()),
         failed: 0,
+        solved: Vec::with_capacity(draws.len()),
         unprojected: Vec::with_capacity(draws.len()),
         touched: Vec::new(),
         least: least(data, combinations, layout, options),
@@ -500,6 +503,7 @@ pub(crate) fn projected(
                     out.phi.push(found.phi);
                     out.beta.push(found.beta);
                     out.unprojected.push(moved.clone());
+                    out.solved.push(done);
                 }
                 Err(why) => {
                     out.failed += 1;

@@ -531,7 +531,7 @@ impl FrictionData {
             joints: vec![self.joints[joint].clone()],
             laws: vec![laws[joint]],
             dof,
-            filtering: self.filtering.clone(),
+            filtering: self.filtering,
             w,
             tau: self.tau.clone(),
             held: Vec::new(),

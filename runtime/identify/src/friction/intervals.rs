@@ -100,8 +100,16 @@ pub fn intervals(
         found,
         changes: &changes,
     };
-    let (moved, shapes_of_draws) = draws.drawn(fit.seed, replicates)?;
-    let drawn = projected(found, &combined, &extended, &own, &moved, None, progress)?;
+    let draws = draws.drawn(fit.seed, replicates)?;
+    let drawn = projected(
+        found,
+        &combined,
+        &extended,
+        &own,
+        &draws.data,
+        None,
+        progress,
+    )?;
     let noise = factor.rss() / factor.rows().saturating_sub(known).max(1) as f64;
 
     let p = layout.len();
@@ -116,7 +124,8 @@ pub fn intervals(
         let own = draw.get(p..).unwrap_or_default();
         symbols(data, &point.laws, own, shapes)
     };
-    let pairs = drawn.phi.iter().zip(&shapes_of_draws);
+    let solved = drawn.solved.iter().filter_map(|k| draws.shapes.get(*k));
+    let pairs = drawn.phi.iter().zip(solved);
     let printed: Vec<Vec<Vec<f64>>> = pairs.map(of_draw).collect();
     let mut joints = Vec::with_capacity(fit.joints.len());
     let mut column = r;
@@ -177,22 +186,24 @@ struct ShapeDraws<'a> {
     changes: &'a [Vec<f64>],
 }
 
-/// The data of a draw with their least-squares parameters.
-type DrawnData = (QrFactor, Vec<f64>);
+/// Draws.
+#[derive(Default)]
+struct Drawn {
+    /// The data of each, with their least-squares parameters.
+    data: Vec<(QrFactor, Vec<f64>)>,
+    /// The shapes of all joints in each.
+    shapes: Vec<Vec<[f64; SHAPES]>>,
+}
 
 impl ShapeDraws<'_> {
-    /// Draws; returns the data of each, and its shapes.
-    fn drawn(
-        &self,
-        seed: u64,
-        count: usize,
-    ) -> Result<(Vec<DrawnData>, Vec<Vec<[f64; SHAPES]>>), FeasibilityError> {
+    /// Draws so many.
+    fn drawn(&self, seed: u64, count: usize) -> Result<Drawn, FeasibilityError> {
         let LeastSquares {
             factor, deviations, ..
         } = self.found;
         let n = factor.columns();
         if deviations.root().iter().any(|x| !x.is_finite()) {
-            return Ok(<_>::default());
+            return Ok(Drawn::default());
         }
         let mut random = Random(seed);
         let steps = random.steps(deviations, n, count);
@@ -206,25 +217,18 @@ impl ShapeDraws<'_> {
                 }
             }
         }
-        let mut out = Vec::with_capacity(count);
+        let mut data = Vec::with_capacity(count);
         for (step, shapes) in steps.iter().zip(&mut shapes) {
             let own = self.data.factor(&self.point.laws, shapes)?;
             // what noise moves with the shapes of the fit, it moves in the same directions of the rows with others
             let along = product(factor.r(), step);
             let moved = own.solve().ok().zip(substitute(own.r(), &along));
-            let (own, mut values) = match moved {
-                Some((best, step)) => {
-                    let values = best.iter().zip(&step).map(|(x, s)| x + s).collect();
-                    (own, values)
-                }
-                None => {
-                    shapes.clone_from(&self.point.shapes);
-                    let values = self.found.values.iter().zip(step);
-                    (
-                        factor.clone(),
-                        values.map(|(x, s)| x + s).collect::<Vec<f64>>(),
-                    )
-                }
+            let (own, mut values): (_, Vec<f64>) = if let Some((best, step)) = moved {
+                (own, best.iter().zip(&step).map(|(x, s)| x + s).collect())
+            } else {
+                shapes.clone_from(&self.point.shapes);
+                let values = self.found.values.iter().zip(step);
+                (factor.clone(), values.map(|(x, s)| x + s).collect())
             };
             for change in self.changes {
                 let by = random.normal();
@@ -241,9 +245,9 @@ impl ShapeDraws<'_> {
                     *shape = within(range, *shape);
                 }
             }
-            out.push((factor_with_solution(&own, &values)?, values));
+            data.push((factor_with_solution(&own, &values)?, values));
         }
-        Ok((out, shapes))
+        Ok(Drawn { data, shapes })
     }
 
     /// Shapes of one joint with the distribution of their likelihood.

@@ -335,12 +335,14 @@ mod tests {
         data
     }
 
-    /// Reduces the rows one after the other, without those that are left out; `change` gives the entries of a row in
-    /// place of these, and what is added to its effort.
+    /// Changes the entries of a row; also returns what is added to its effort.
+    type Change<'a> = dyn Fn(&[f64]) -> (Vec<f64>, f64) + 'a;
+
+    /// Reduces the rows one after the other, without those that are left out.
     fn directly(
         data: &FrictionData,
         columns: &FrictionColumns<'_>,
-        change: &dyn Fn(&[f64]) -> (Vec<f64>, f64),
+        change: &Change<'_>,
     ) -> QrFactor {
         let n = change(&vec![0.0; data.labels.len() + columns.count()])
             .0
