@@ -20,7 +20,7 @@ use crate::{load, path, progress, table, terminal, write};
 use regen_interpreted::Interpreted;
 
 pub(crate) use parameters::{Described, WHERE};
-pub(crate) use twin::of as twin;
+pub(crate) use twin::{of as twin, require_jump};
 
 /// The time between samples where none is given, s.
 pub(crate) const STEP: f64 = 0.01;
@@ -209,7 +209,7 @@ pub(crate) fn check(args: &TwinArgs) -> Result<(), Failure> {
         ("--step", args.step),
         ("--duration", args.duration),
         ("--bandwidth", args.bandwidth),
-        ("--friction-width", Some(args.friction_width)),
+        ("--friction-width", args.friction_width),
     ];
     for (name, value) in positive {
         if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
