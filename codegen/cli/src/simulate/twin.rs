@@ -1,8 +1,8 @@
 //! The simulated robot that the options describe.
 
 use regen_experiment::simulate::{
-    Log, Sensors, Settings, Termination, Twin, TwinError, TwinOptions, USUAL_BANDWIDTH, faster_bandwidths,
-    simulate_with_progress,
+    Log, Sensors, Settings, Termination, Twin, TwinError, TwinOptions, USUAL_BANDWIDTH,
+    faster_bandwidths, simulate_with_progress,
 };
 use regen_experiment::trajectory::FourierReference;
 use regen_interpreted::Interpreted;

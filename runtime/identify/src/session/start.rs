@@ -201,26 +201,36 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Adds to the deviations what the delays move that the equations still have, and the errors of those that were
-/// found from the same logs. Returns what makes values biased: nothing where all that is left may be chance.
+/// Adds to the deviations what delays move. Returns what makes values biased: nothing where all that is left may
+/// be chance.
 fn add_delay_error(reading: &Settings, identified: &mut Identified) -> Vec<f64> {
-    let found = &identified.delays;
+    let mut changes = delay_changes(reading, &identified.delays);
+    for change in &changes {
+        add_change(change, identified);
+    }
+    let left = changes.pop().unwrap_or_default();
+    if identified.delays.are_significant() {
+        left
+    } else {
+        Vec::new()
+    }
+}
+
+/// By how much delays move the parameters, SI: the errors of those that were found from the same logs and
+/// corrected, and last what the equations still have.
+pub fn delay_changes(reading: &Settings, found: &Delays) -> Vec<Vec<f64>> {
     // a single value of all efforts has one cause
     let mut pairs = reading.delays.windows(2);
     let is_one = reading.delays.len() == found.efforts.len()
         && found.efforts.len() > 1
         && pairs.all(|own| matches!(own, [(_, a), (_, b)] if a.to_bits() == b.to_bits()));
-    let errors = match (reading.are_delays_found, is_one) {
+    let mut changes = match (reading.are_delays_found, is_one) {
         (false, _) => Vec::new(),
         (true, true) => vec![found.common_change.clone()],
         (true, false) => found.changes.clone(),
     };
-    let left = found.left_change(reading.are_delays_found && !is_one);
-    let is_biased = found.are_significant();
-    for change in errors.iter().chain([&left]) {
-        add_change(change, identified);
-    }
-    if is_biased { left } else { Vec::new() }
+    changes.push(found.left_change(reading.are_delays_found && !is_one));
+    changes
 }
 
 /// Adds what something moves, whose size is known and whose sign is not, to the deviations.
