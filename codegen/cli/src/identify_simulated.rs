@@ -25,7 +25,7 @@ use regen_runtime::BaseModel;
 use crate::args::{EstimatorArg, IdentifyArgs};
 use crate::exit::Failure;
 use crate::identify::Outcome;
-use crate::simulate::{WHERE, require_jump};
+use crate::simulate::{WHERE, require_jump, require_width};
 use crate::{observe, parameters, path, table, terminal};
 
 pub(crate) use controllers::stated_gains;
@@ -39,6 +39,7 @@ pub(crate) fn solve(
 ) -> Result<Outcome, Failure> {
     // the fit to responses leaves out laws that are not linear
     require_jump(args.simulated.friction_width, session.model, |_| false)?;
+    require_width(args.simulated.friction_width)?;
     let setups = setups(args, session.model)?;
     let (all, places, reports) = read(args, session)?;
     observe::note_problems(&reports);

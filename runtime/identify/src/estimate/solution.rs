@@ -88,7 +88,8 @@ pub(crate) fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
     efforts
         .map(|(sigma, magnitude)| {
             let weight = 1.0 / sigma.max(MIN_RELATIVE_SIGMA * max_relative_sigma * magnitude);
-            if weight.is_finite() {
+            // without a size the residuals have no lower bound, and the weight would grow from round to round
+            if weight.is_finite() && *magnitude > 0.0 {
                 weight
             } else {
                 least.unwrap_or(1.0)
