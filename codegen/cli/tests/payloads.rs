@@ -130,6 +130,27 @@ fn json(dir: &Path, line: &str) -> Value {
     serde_json::from_str(&out).unwrap()
 }
 
+#[test]
+fn gains_from_a_payload_in_another_unit_are_told_by_the_nominal_bodies() {
+    let dir = scratch("payload_grams");
+    arm(&dir);
+    simulated(&dir, 1, "--noise 1e-5,0.01 --seed 3");
+    for (mass, told) in [
+        ("2.2", None),
+        ("2200", Some("about 1.0e3 times")),
+        ("0.022", Some("about 0.010 times")),
+    ] {
+        let runs = RUNS.replace("m: 2.2", &format!("m: {mass}"));
+        fs::write(dir.join("runs.yaml"), runs).unwrap();
+        let (_, err) = run(&dir, "identify arm.yaml runs.yaml", 0);
+        let names_payload = err.contains("compare the masses (kg)");
+        assert_eq!(names_payload, told.is_some(), "{mass}: {err}");
+        assert!(told.is_none_or(|told| err.contains(told)), "{mass}: {err}");
+        let (_, err) = run(&dir, "identify arm.yaml runs.yaml --no-suspicion", 0);
+        assert!(!err.contains("compare the masses"), "{mass}: {err}");
+    }
+}
+
 /// The value of an entry, which has a deviation and is within five of them of the truth.
 fn close(row: &Value, truth: f64) -> f64 {
     let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
