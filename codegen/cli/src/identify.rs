@@ -491,7 +491,9 @@ fn logs(
         // an effort that is not measured has no error to weight its equation by
         let is_unsolved = matches!(
             error,
-            SessionError::Data(DataError::Estimate(EstimateError::NoConvergence))
+            SessionError::Data(DataError::Estimate(
+                EstimateError::NoConvergence | EstimateError::NoEfforts
+            ))
         );
         let is_undetermined = matches!(
             error,

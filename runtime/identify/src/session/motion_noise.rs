@@ -400,6 +400,7 @@ pub(super) fn is_undetermined(error: &DataError) -> bool {
                 EstimateError::Undetermined { .. }
                     | EstimateError::TooShort { .. }
                     | EstimateError::NoConvergence
+                    | EstimateError::NoEfforts
                     | EstimateError::Signal(_)
             )
     )

@@ -168,8 +168,9 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         }
         EquationKind::Energy { .. } => "",
     };
-    let late = delay_errors(&session.reading, &identified.delays);
-    for change in late.errors.iter().chain([&late.left]) {
+    let late = delay_changes(&session.reading, &identified.delays);
+    let is_late = identified.delays.are_significant();
+    for change in &late {
         add_change(change, &mut identified);
     }
     let motion = add_motion_noise(session, logs, &mut identified)?;
@@ -191,7 +192,9 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     if let Some(own) = motion {
         (start.intervals.bias, start.correction) = (own.size, own.correction);
     }
-    late.bias(&mut start.intervals.bias);
+    if is_late {
+        add_bias(&late, &mut start.intervals.bias);
+    }
     Ok(LeastSquaresStart {
         kind: kind.name(),
         equations,
@@ -200,43 +203,29 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// What delays of the efforts leave unknown of the parameters.
-struct DelayErrors {
-    /// By how much the errors of delays that were found from the same logs move the parameters.
-    errors: Vec<Vec<f64>>,
-    /// By how much the delays move them that the equations still have.
-    left: Vec<f64>,
-    /// Whether these are beyond chance, so that values are biased.
-    is_biased: bool,
-}
-
-impl DelayErrors {
-    /// Adds what the delays bias to the biases of the parameters.
-    fn bias(&self, biases: &mut Vec<f64>) {
-        if self.is_biased {
-            biases.resize(biases.len().max(self.left.len()), 0.0);
-            for (bias, change) in biases.iter_mut().zip(&self.left) {
-                *bias = bias.hypot(*change);
-            }
-        }
-    }
-}
-
-/// What the delays move that the equations still have, and the errors of those that were found from the same logs.
-fn delay_errors(reading: &Settings, found: &Delays) -> DelayErrors {
+/// By how much delays move the parameters, SI: the errors of those that were found from the same logs and
+/// corrected, and last what the equations still have.
+pub fn delay_changes(reading: &Settings, found: &Delays) -> Vec<Vec<f64>> {
     // a single value of all efforts has one cause
     let mut pairs = reading.delays.windows(2);
     let is_one = reading.delays.len() == found.efforts.len()
         && found.efforts.len() > 1
         && pairs.all(|own| matches!(own, [(_, a), (_, b)] if a.to_bits() == b.to_bits()));
-    DelayErrors {
-        errors: match (reading.are_delays_found, is_one) {
-            (false, _) => Vec::new(),
-            (true, true) => vec![found.common_change.clone()],
-            (true, false) => found.changes.clone(),
-        },
-        left: found.left_change(reading.are_delays_found && !is_one),
-        is_biased: found.are_significant(),
+    let mut changes = match (reading.are_delays_found, is_one) {
+        (false, _) => Vec::new(),
+        (true, true) => vec![found.common_change.clone()],
+        (true, false) => found.changes.clone(),
+    };
+    changes.push(found.left_change(reading.are_delays_found && !is_one));
+    changes
+}
+
+/// Adds what delays that are beyond chance bias, the last of their changes, to the biases of the parameters.
+fn add_bias(late: &[Vec<f64>], biases: &mut Vec<f64>) {
+    let left = late.last().map_or(&[][..], Vec::as_slice);
+    biases.resize(biases.len().max(left.len()), 0.0);
+    for (bias, change) in biases.iter_mut().zip(left) {
+        *bias = bias.hypot(*change);
     }
 }
 
@@ -522,7 +511,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         };
         super::delays::identified(session, &options, &mut logs)?.delays
     };
-    let late = delay_errors(&session.reading, &delays);
+    let late = delay_changes(&session.reading, &delays);
     let by_noise;
     let (deviations, blocks, sampling_note, changes) = {
         let blocks = data.linear_scores(&estimate.values)?;
@@ -562,7 +551,9 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     // get their own statistics
     let mut intervals = Intervals::of(&estimate, &estimate_for_intervals, confidence, method);
     intervals.bias = by_noise;
-    late.bias(&mut intervals.bias);
+    if delays.are_significant() {
+        add_bias(&late, &mut intervals.bias);
+    }
     if let Some(statistics) = &residuals {
         let errors_and_weights = statistics.efforts().into_iter().zip(&weights);
         estimate.efforts = errors_and_weights
