@@ -459,10 +459,11 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut delays = (with_delays && options.finds_delays)
         .then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
-    let (errors, noise) = noise_of(replay, options, &estimate, &means, delays.as_mut())?;
-    let efforts = errors.efforts();
     // the equations with the weights of the efforts, but without Huber's
     let effort_weighted = plain.combined(&weights)?;
+    let given = (&effort_weighted, means.as_slice());
+    let (errors, noise) = noise_of(replay, options, &estimate, given, delays.as_mut())?;
+    let efforts = errors.efforts();
     let rows = efforts.iter().map(|e| e.samples).max().unwrap_or(0);
     let given_bandwidth = options.hac_bandwidth.map(|b| b.clamp(1, rows.max(1)));
     let bandwidth = given_bandwidth.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));

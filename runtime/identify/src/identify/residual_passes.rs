@@ -5,9 +5,12 @@ use super::equation_builder::Equations;
 use super::huber::Huber;
 use super::passes::{Options, Source, predictions};
 use super::replay::Replay;
+use std::collections::VecDeque;
+
 use crate::estimate::huber::PsiSums;
 use crate::estimate::{
-    Autocorrelated, Autoregression, Blocks, EffortError, Estimate, ORDER, Residuals, Scores,
+    Autocorrelated, Autoregression, Blocks, EffortError, Estimate, ORDER, QrFactor, Residuals,
+    Scores,
 };
 use regen_runtime::BaseModel;
 
@@ -17,7 +20,7 @@ pub(super) fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
     estimate: &Estimate,
-    means: &[f64],
+    (factor, means): (&QrFactor, &[f64]),
     mut delays: Option<&mut DelayFit<'_>>,
 ) -> Result<(Residuals, Vec<Autoregression>), S::Error> {
     let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
@@ -41,7 +44,102 @@ pub(super) fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         noise.push_used(&weighted.psi, &zeros, &weighted.used)
     })?;
     let fits = noise.autoregressions();
-    Ok((errors, fits))
+    let samples = noise.efforts().iter().map(|own| own.samples).sum::<usize>() as f64;
+    let memory = fits.iter().map(Autoregression::correlation_length);
+    let independent = samples / memory.fold(1.0, f64::max);
+    let parameters = factor.columns() as f64;
+    if parameters < MIN_TAKEN_PART * independent {
+        return Ok((errors, fits));
+    }
+    let taken = taken_by_fit(replay, &mut weighted, factor)?;
+    let pairs = noise.efforts().into_iter().zip(&taken);
+    let fits = pairs.map(|(own, taken)| noise_before_fit(&own, taken));
+    Ok((errors, fits.collect()))
+}
+
+/// What a fit takes from its residuals is put back where its parameters are at least this part of the
+/// independent equations.
+const MIN_TAKEN_PART: f64 = 0.02;
+/// At most so many times the spectrum of the residuals is taken for that of the noise.
+const MAX_GROWTH: f64 = 4.0;
+/// The spectrum is known if it changes by less than this part.
+const SETTLED_PART: f64 = 1e-3;
+const MAX_ROUNDS: usize = 30;
+
+/// For each effort the sums over its equations of `w(t) (W^T W)^-1 w(t + l)^T`, l = 0, 1, ...: residuals of white
+/// noise are without this part of its autocovariance.
+///
+/// - `factor`: the R of `W^T W`.
+fn taken_by_fit<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    weighted: &mut WeightedResiduals<'_>,
+    factor: &QrFactor,
+) -> Result<Vec<Vec<f64>>, S::Error> {
+    let n = factor.columns();
+    let efforts = weighted.sigmas.len();
+    let mut sums = vec![vec![0.0; ORDER + 1]; efforts];
+    let mut recent: Vec<VecDeque<Vec<f64>>> = vec![VecDeque::new(); efforts];
+    replay.visit(&mut |equations| {
+        if !equations.follows {
+            recent.iter_mut().for_each(VecDeque::clear);
+        }
+        weighted.compute(equations);
+        let count = equations.tau.len();
+        for (e, (sums, recent)) in sums.iter_mut().zip(&mut recent).enumerate().take(count) {
+            if !weighted.used[e] {
+                recent.clear();
+                continue;
+            }
+            let mut row = match recent.len() > ORDER {
+                true => recent.pop_back().unwrap_or_default(),
+                false => Vec::new(),
+            };
+            row.clear();
+            let entries = equations.w.iter().skip(e).step_by(count);
+            row.extend(entries.map(|w| w * weighted.weights[e]));
+            // R^T q = w
+            for (j, column) in factor.r().chunks_exact(n).enumerate() {
+                let known: f64 = column.iter().zip(&row[..j]).map(|(r, q)| r * q).sum();
+                row[j] = (row[j] - known) / column[j];
+            }
+            recent.push_front(row);
+            if let Some(own) = recent.front() {
+                for (sum, past) in sums.iter_mut().zip(recent.iter()) {
+                    *sum += own.iter().zip(past).map(|(a, b)| a * b).sum::<f64>();
+                }
+            }
+        }
+        Ok(())
+    })?;
+    Ok(sums)
+}
+
+/// The noise of an effort, of which the fit took a part: that is of the frequencies of the motion, which noise
+/// behind a filter has a flat spectrum at.
+///
+/// - `own`: the errors that are left; `taken`: see [`taken_by_fit`].
+fn noise_before_fit(own: &EffortError, taken: &[f64]) -> Autoregression {
+    let samples = own.samples.max(1) as f64;
+    let left = own.rms * own.rms;
+    let mut noise = Autoregression::fit(left, &own.autocorrelation, own.samples);
+    let first = noise.level();
+    let mut level = first;
+    for _ in 0..MAX_ROUNDS {
+        let part = |lag: usize| level * taken.get(lag).copied().unwrap_or(0.0) / samples;
+        let variance = left + part(0);
+        let lags = own.autocorrelation.iter().enumerate();
+        let correlation: Vec<f64> = lags
+            .map(|(k, x)| (x * left + part(k + 1)) / variance)
+            .collect();
+        noise = Autoregression::fit(variance, &correlation, own.samples);
+        let next = noise.level().min(MAX_GROWTH * first);
+        let change = (next - level).abs();
+        level = next;
+        if change.is_nan() || change <= SETTLED_PART * level {
+            break;
+        }
+    }
+    noise
 }
 
 /// The weighted and bounded residuals of one sample, from which scores are computed. The lists have
