@@ -665,10 +665,14 @@ impl Sums<'_> {
             block.expected[low * self.n + high]
         });
         let half = product(self.bread, &sum, k);
-        let lines = half.chunks_exact(k.max(1));
-        let pairs =
-            lines.flat_map(|line| self.bread.chunks_exact(k.max(1)).map(move |b| (line, b)));
-        pairs.map(|(line, b)| dot(line, b)).collect()
+        // sums of products that run along rows are several at a time
+        let mut transposed = vec![0.0; k * k];
+        for (i, row) in self.bread.chunks_exact(k.max(1)).enumerate() {
+            for (j, x) in row.iter().enumerate() {
+                transposed[j * k + i] = *x;
+            }
+        }
+        product(&half, &transposed, k)
     }
 
     /// `sqrt(2) B sum cos_j D`, with D the slope of each block: the change of the transform with

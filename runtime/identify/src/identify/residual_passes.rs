@@ -9,8 +9,8 @@ use std::collections::VecDeque;
 
 use crate::estimate::huber::PsiSums;
 use crate::estimate::{
-    Autocorrelated, Autoregression, Blocks, EffortError, Estimate, ORDER, QrFactor, Residuals,
-    Scores,
+    Autocorrelated, Autoregression, Blocks, EffortError, Estimate, EstimateError, ORDER, QrFactor,
+    Residuals, Scores, inverse_gram,
 };
 use regen_runtime::BaseModel;
 
@@ -44,15 +44,15 @@ pub(super) fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         noise.push_used(&weighted.psi, &zeros, &weighted.used)
     })?;
     let fits = noise.autoregressions();
-    let samples = noise.efforts().iter().map(|own| own.samples).sum::<usize>() as f64;
+    let left = noise.efforts();
+    let samples: Vec<usize> = left.iter().map(|own| own.samples).collect();
     let memory = fits.iter().map(Autoregression::correlation_length);
-    let independent = samples / memory.fold(1.0, f64::max);
-    let parameters = factor.columns() as f64;
-    if parameters < MIN_TAKEN_PART * independent {
+    let independent = samples.iter().sum::<usize>() as f64 / memory.fold(1.0, f64::max);
+    if (factor.columns() as f64) < MIN_TAKEN_PART * independent {
         return Ok((errors, fits));
     }
-    let taken = taken_by_fit(replay, &mut weighted, factor)?;
-    let pairs = noise.efforts().into_iter().zip(&taken);
+    let taken = taken_by_fit(replay, estimate, factor, &samples)?;
+    let pairs = left.into_iter().zip(&taken);
     let fits = pairs.map(|(own, taken)| noise_before_fit(&own, taken));
     Ok((errors, fits.collect()))
 }
@@ -66,52 +66,82 @@ const MAX_GROWTH: f64 = 4.0;
 const SETTLED_PART: f64 = 1e-3;
 const MAX_ROUNDS: usize = 30;
 
+/// The sums of [`taken_by_fit`] are over so many equations of each effort, at least: they are means of the motion.
+const MIN_ANCHORS: usize = 128;
+
 /// For each effort the sums over its equations of `w(t) (W^T W)^-1 w(t + l)^T`, l = 0, 1, ...: residuals of white
-/// noise are without this part of its autocovariance.
+/// noise are without this part of its autocovariance. Evenly spaced equations t are taken for all.
 ///
-/// - `factor`: the R of `W^T W`.
+/// - `factor`: the R of `W^T W`; `samples`: the number of equations of each effort.
 fn taken_by_fit<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
-    weighted: &mut WeightedResiduals<'_>,
+    estimate: &Estimate,
     factor: &QrFactor,
+    samples: &[usize],
 ) -> Result<Vec<Vec<f64>>, S::Error> {
+    struct Anchored {
+        every: usize,
+        count: usize,
+        /// `(W^T W)^-1 w(t)^T` of the last equations t that are taken, each with the number of later equations.
+        waiting: VecDeque<(usize, Vec<f64>)>,
+        sums: Vec<f64>,
+    }
+    let inverse = inverse_gram(factor).ok_or(EstimateError::NoConvergence)?;
     let n = factor.columns();
-    let efforts = weighted.sigmas.len();
-    let mut sums = vec![vec![0.0; ORDER + 1]; efforts];
-    let mut recent: Vec<VecDeque<Vec<f64>>> = vec![VecDeque::new(); efforts];
+    let mut efforts: Vec<Anchored> = (samples.iter())
+        .map(|samples| Anchored {
+            every: (samples / MIN_ANCHORS).max(1),
+            count: 0,
+            waiting: VecDeque::new(),
+            sums: vec![0.0; ORDER + 1],
+        })
+        .collect();
+    let mut row = Vec::with_capacity(n);
     replay.visit(&mut |equations| {
-        if !equations.follows {
-            recent.iter_mut().for_each(VecDeque::clear);
-        }
-        weighted.compute(equations);
-        let count = equations.tau.len();
-        for (e, (sums, recent)) in sums.iter_mut().zip(&mut recent).enumerate().take(count) {
-            if !weighted.used[e] {
-                recent.clear();
+        let stride = equations.tau.len();
+        for (e, own) in efforts.iter_mut().enumerate().take(stride) {
+            let weight = equations.weights.get(e).copied().unwrap_or(0.0);
+            if !equations.follows || weight == 0.0 {
+                own.waiting.clear();
+            }
+            if weight == 0.0 {
                 continue;
             }
-            let mut row = match recent.len() > ORDER {
-                true => recent.pop_back().unwrap_or_default(),
-                false => Vec::new(),
-            };
+            let is_taken = own.count.is_multiple_of(own.every);
+            own.count += 1;
+            if !is_taken && own.waiting.is_empty() {
+                continue;
+            }
+            let weight = weight * estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
             row.clear();
-            let entries = equations.w.iter().skip(e).step_by(count);
-            row.extend(entries.map(|w| w * weighted.weights[e]));
-            // R^T q = w
-            for (j, column) in factor.r().chunks_exact(n).enumerate() {
-                let known: f64 = column.iter().zip(&row[..j]).map(|(r, q)| r * q).sum();
-                row[j] = (row[j] - known) / column[j];
-            }
-            recent.push_front(row);
-            if let Some(own) = recent.front() {
-                for (sum, past) in sums.iter_mut().zip(recent.iter()) {
-                    *sum += own.iter().zip(past).map(|(a, b)| a * b).sum::<f64>();
+            let entries = equations.w.iter().skip(e).step_by(stride);
+            row.extend(entries.map(|w| w * weight));
+            if is_taken {
+                let mut solved = vec![0.0; n];
+                for (column, w) in inverse.chunks_exact(n.max(1)).zip(&row) {
+                    for (sum, x) in solved.iter_mut().zip(column) {
+                        *sum += x * w;
+                    }
                 }
+                own.waiting.push_front((0, solved));
             }
+            own.waiting.retain_mut(|(lag, solved)| {
+                let product: f64 = solved.iter().zip(&row).map(|(a, b)| a * b).sum();
+                if let Some(sum) = own.sums.get_mut(*lag) {
+                    *sum += product;
+                }
+                *lag += 1;
+                *lag <= ORDER
+            });
         }
         Ok(())
     })?;
-    Ok(sums)
+    let scaled = efforts.into_iter().map(|own| {
+        let taken = own.count.div_ceil(own.every).max(1) as f64;
+        let factor = own.count as f64 / taken;
+        own.sums.iter().map(|sum| factor * sum).collect()
+    });
+    Ok(scaled.collect())
 }
 
 /// The noise of an effort, of which the fit took a part: that is of the frequencies of the motion, which noise

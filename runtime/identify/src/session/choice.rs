@@ -607,7 +607,11 @@ fn search<M: BaseModel<f64> + ?Sized>(
         // the errors of efforts are those in the data of the best cutoff
         for _ in 0..2 {
             errors = all_errors(&trials, best);
+            let before = best;
             best = lowest(&errors);
+            if best == before {
+                break;
+            }
         }
         let sum = |k: usize| {
             errors
