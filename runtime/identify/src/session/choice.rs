@@ -477,6 +477,12 @@ impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
         self.search.trials.get(place)
     }
 
+    /// The next cutoff above that of [`trial`](Self::trial), Hz, if one was tried.
+    pub(super) fn higher_cutoff(&self) -> Option<f64> {
+        let (_, place) = self.search.chosen?;
+        Some(self.search.trials.get(place + 1)?.cutoff)
+    }
+
     /// The chosen filter; `None` if no cutoff determines the parameters.
     fn choice(&self) -> Option<Choice> {
         let (cutoff, _) = self.search.chosen?;
