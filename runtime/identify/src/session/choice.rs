@@ -684,13 +684,18 @@ pub(super) fn trial<M: BaseModel<f64> + ?Sized>(
     } else {
         // Huber's weights are of the equations, those of the bias of the efforts alone
         let without = (session.options.huber.is_none()).then_some(&found.factor);
-        let found = noisy.bias(without, found.deviations.within_runs(), |logs| {
-            weighted(session, &weights, !is_linear, logs)
+        let biased = noisy.bias(without, found.deviations.within_runs(), |logs| {
+            weighted(
+                session,
+                (&weights, &found.static_friction),
+                !is_linear,
+                logs,
+            )
         });
-        let found = found?;
-        correction = Some(found.correction);
-        signal = found.signal;
-        found.changes
+        let biased = biased?;
+        correction = Some(biased.correction);
+        signal = biased.signal;
+        biased.changes
     };
     let correction = correction.unwrap_or_else(|| vec![0.0; found.estimate.values.len()]);
     let pairs = found.estimate.values.iter().zip(&correction);
