@@ -303,7 +303,7 @@ fn residual_sigmas(set: &FactorSet, values: &[f64]) -> Result<Vec<f64>, Estimate
 }
 
 /// (W^T W)^-1 = R^-1 R^-T, n x n; `None` where R is singular.
-pub(super) fn inverse_gram(factor: &QrFactor) -> Option<Vec<f64>> {
+pub(crate) fn inverse_gram(factor: &QrFactor) -> Option<Vec<f64>> {
     let n = factor.columns();
     let mut inverse = Vec::with_capacity(n * n);
     for k in 0..n {

@@ -260,7 +260,8 @@ fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
     let efforts = identified.estimate.efforts.iter();
     let weights: Vec<f64> = efforts.map(|e| e.weight).collect();
     let covariance = identified.deviations.covariance.clone();
-    let found = motion_bias(session, logs.logs(), &weights, &covariance, false);
+    let given = (weights.as_slice(), identified.static_friction.as_slice());
+    let found = motion_bias(session, logs.logs(), given, &covariance, false);
     session.watch.finished();
     let Some(bias) = found? else {
         return Ok(None);
@@ -519,7 +520,13 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         let found = blocks.deviations(&factor, &all, &estimate.values, 1.0)?;
         let values = &estimate.values;
         session.watch.phase("adding noise to the motion");
-        let motion = motion_bias(session, logs.logs(), &weights, &found.covariance, true);
+        let motion = motion_bias(
+            session,
+            logs.logs(),
+            (&weights, &[]),
+            &found.covariance,
+            true,
+        );
         session.watch.finished();
         let by_motion = motion?.map(|bias| bias.changes).unwrap_or_default();
         by_noise = if by_motion.is_empty() {
