@@ -498,12 +498,24 @@ fn gravity_is_identified_from_poses_at_rest_by_an_option_or_a_key() {
     }
     // neither a clock, nor a joint without motion, nor repeated rows are doubted
     assert!(!run.err.contains("warning"), "{}", run.err);
-    assert!(run.err.contains("Fc(q2). For"), "{}", run.err);
+    assert!(
+        run.err.contains("left out: ") && run.err.contains("Fc(q2)"),
+        "{}",
+        run.err
+    );
     let runs = "process: {motion: poses}\nruns: [{files: [poses.csv]}]\n";
     fs::write(dir.join("runs.yaml"), runs).unwrap();
     let by_key = ["identify", "arm.yaml", "runs.yaml"];
     let by_key = regen(&dir, &[&by_key[..], &json].concat()).ended(0);
     assert_eq!(labelled(&by_key.json()), found);
+
+    // what was left out is left out of predictions too
+    regen(&dir, &[&option[..], &["--out", "p.json"]].concat()).ended(0);
+    let words = ["validate", "arm.yaml", "p.json", "poses.csv", "--poses"];
+    let run = regen(&dir, &[&words[..], &json].concat()).ended(0);
+    assert!(run.err.contains("p.json lacks Izz(1), "), "{}", run.err);
+    let error = &run.json()["models"][0]["logs"][0]["relative_absolute"];
+    assert!(error.as_f64().unwrap() < 1.0, "{error}");
 
     // without either the option is proposed, and what needs motion refuses it
     let run = regen(&dir, &option[..3]).ended(3);
