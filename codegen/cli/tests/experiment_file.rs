@@ -517,6 +517,17 @@ fn gravity_is_identified_from_poses_at_rest_by_an_option_or_a_key() {
     let error = &run.json()["models"][0]["logs"][0]["relative_absolute"];
     assert!(error.as_f64().unwrap() < 1.0, "{error}");
 
+    // poses have no frequencies: the noise is what their equations leave
+    let words = ["inspect", "poses.csv", "--poses", "--spec", "arm.yaml"];
+    let run = regen(&dir, &[&words[..], &json].concat()).ended(0);
+    let json_of = run.json();
+    let noise = json_of["prediction"]["noise"].as_array().unwrap();
+    assert_eq!(noise.len(), 2, "{noise:?}");
+    for own in noise {
+        let sigma = own["sigma"].as_f64().unwrap();
+        assert!((0.003..0.02).contains(&sigma), "{own}");
+    }
+
     // without either the option is proposed, and what needs motion refuses it
     let run = regen(&dir, &option[..3]).ended(3);
     assert!(run.err.contains("need none with `--poses`"), "{}", run.err);
