@@ -30,15 +30,16 @@ pub(crate) fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
 /// the base parameters of a robot.
 pub(crate) fn simulate(robot: &Robot, laws: &[(Friction, &[f64])], noise: f64) -> FrictionData {
     let own: Vec<Friction> = laws.iter().map(|(law, _)| *law).collect();
-    simulate_for(&own, robot, laws, noise)
+    simulate_for(&own, robot, laws, noise, 0)
 }
 
-/// The same data for a fit of other laws.
-fn simulate_for(
+/// The same data for a fit of other laws, with other noise for each seed.
+pub(crate) fn simulate_for(
     fitted: &[Friction],
     robot: &Robot,
     laws: &[(Friction, &[f64])],
     noise: f64,
+    seed: usize,
 ) -> FrictionData {
     let joints: Vec<FrictionJoint> = fitted
         .iter()
@@ -70,7 +71,7 @@ fn simulate_for(
                     .enumerate()
                     .map(|(k, (law, x))| directions[2 * k + i] * force(*law, qd[k], x))
                     .sum();
-                body + friction + noise * rough(t * 7919 + i * 31)
+                body + friction + noise * rough(t * 7919 + i * 31 + seed * 1_000_003)
             })
             .collect();
         data.push(&w, &tau, &qd, &directions, &[1.0, 1.0]).unwrap();
@@ -167,7 +168,7 @@ proptest! {
         for (truth, noise) in truths.iter().zip([noise, 0.01, 0.01]) {
             let laws = [(Friction::Stribeck, &truth[..]), (Friction::Stribeck, &truth[..])];
             let cost = |law: Friction| {
-                of_robot(&robot, &simulate_for(&[law, law], &robot, &laws, noise)).squared_residual
+                of_robot(&robot, &simulate_for(&[law, law], &robot, &laws, noise, 0)).squared_residual
             };
             let [whole, part] = [Friction::Stribeck, Friction::Lugre].map(cost);
             prop_assert!(whole <= part * (1.0 + 1e-7) + 1e-9, "{truth:?}: {whole} {part}");
