@@ -948,6 +948,43 @@ mod tests {
     }
 
     #[test]
+    fn deviations_of_many_parameters_vary_less_than_cosines_alone_do() {
+        const PARAMETERS: usize = 24;
+        let rows = 600;
+        let mut spread = 0.0;
+        for seed in 1..=20 {
+            let mut random = Random(seed);
+            let labels = (0..PARAMETERS).map(|k| k.to_string()).collect();
+            let mut factor = QrFactor::new(labels);
+            let wave = |t: usize, k: usize| {
+                let phase = 0.01 * (k / 2 + 1) as f64 * t as f64;
+                if k % 2 == 0 { phase.sin() } else { phase.cos() }
+            };
+            let noise: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
+            let row = |t: usize| -> Vec<f64> { (0..PARAMETERS).map(|k| wave(t, k)).collect() };
+            for (t, y) in noise.iter().enumerate() {
+                factor.push_block(&row(t), &[*y]).unwrap();
+            }
+            let values = factor.solve().unwrap();
+            let mut scores = Scores::new(PARAMETERS, &[Autoregression::white(1.0)]);
+            for (t, y) in noise.iter().enumerate() {
+                let fitted: f64 = row(t).iter().zip(&values).map(|(w, x)| w * x).sum();
+                scores.push(&row(t), &[1.0], &[y - fitted], &[1.0]).unwrap();
+            }
+            let all: Vec<usize> = (0..PARAMETERS).collect();
+            let blocks = scores.finish(&values).unwrap();
+            let found = blocks.deviations(&factor, &all, &values, 1.0).unwrap();
+            let exact = inverse_gram(&factor).unwrap();
+            for k in 0..PARAMETERS {
+                let ratio = found.sigma(k) / exact[k * PARAMETERS + k].sqrt();
+                spread += (ratio - 1.0).powi(2) / (20 * PARAMETERS) as f64;
+            }
+        }
+        // 27 to 32 cosines tell a deviation to an eighth at best
+        assert!(spread.sqrt() < 0.11, "{}", spread.sqrt());
+    }
+
+    #[test]
     fn runs_that_differ_by_their_noise_only_do_not_add_to_the_deviations() {
         let added = (1..=100).filter(|seed| deviations(4, 0.0, *seed).between.is_some());
         assert!(added.count() <= 3);
