@@ -948,6 +948,34 @@ mod tests {
     }
 
     #[test]
+    fn variances_of_many_parameters_vary_less_than_those_of_cosines_alone() {
+        let (k, terms) = (24, 20);
+        let mut random = Random(3);
+        let transforms = (0..terms).map(|_| (0..k).map(|_| random.normal()).collect());
+        let transforms: Vec<Vec<f64>> = transforms.collect();
+        let scale = vec![1.0; k];
+        let identity: Vec<f64> = (0..k * k)
+            .map(|at| f64::from(u8::from(at / k == at % k)))
+            .collect();
+        let spread = |covariance: &[f64]| {
+            let variances = (0..k).map(|a| covariance[a * k + a] - 1.0);
+            variances.map(|x| x * x).sum::<f64>()
+        };
+        let cosines = covariance_of(&transforms, &scale);
+        let mut found = shrunk(&transforms, &scale, &identity, k).unwrap();
+        let alone = spread(&cosines);
+        assert!(spread(&found.covariance()) < 0.25 * alone, "{alone}");
+        assert!(found.degrees_of_freedom(20.0) > 100.0);
+        // a variance that is far larger than chance explains is kept
+        let mut larger = cosines.clone();
+        larger[5 * k + 5] = 9.0;
+        found.keep_what_is_beyond_chance(&larger, &vec![20.0; k]);
+        let covariance = found.covariance();
+        assert!((covariance[5 * k + 5] - 9.0).abs() < 1e-9);
+        assert!((covariance[6 * k + 6] - 1.0).abs() < 0.3);
+    }
+
+    #[test]
     fn runs_that_differ_by_their_noise_only_do_not_add_to_the_deviations() {
         let added = (1..=100).filter(|seed| deviations(4, 0.0, *seed).between.is_some());
         assert!(added.count() <= 3);

@@ -313,3 +313,36 @@ pub(super) fn andrews_bandwidth(efforts: &[EffortError], rows: usize) -> usize {
     let lags = lags as usize;
     1 + lags.min(rows / 4)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_as_large_at_the_frequencies_of_the_motion_as_before_the_fit() {
+        // of white noise of deviation 2, a fit with slow columns takes a tenth, and what is left of it is fast
+        let samples = 1000;
+        let shape = [1.0, 0.95, 0.85, 0.7, 0.5, 0.3, 0.1];
+        let taken: Vec<f64> = shape.iter().map(|x| 100.0 * x).collect();
+        let left = 4.0 * (1.0 - 0.1);
+        let lags = taken.iter().skip(1);
+        let own = EffortError {
+            name: String::new(),
+            samples,
+            relative_absolute: 0.0,
+            rms: f64::sqrt(left),
+            relative_rms: 0.0,
+            largest: 0.0,
+            autocorrelation: lags.map(|x| -4.0 * x / 1000.0 / left).collect(),
+            whiteness_p_value: 0.0,
+        };
+        let of_residuals = Autoregression::fit(left, &own.autocorrelation, samples);
+        assert!(of_residuals.level() < 2.5, "{of_residuals:?}");
+        let found = noise_before_fit(&own, &taken);
+        assert!((found.level() - 4.0).abs() < 0.4, "{found:?}");
+        assert!((found.variance - 4.0).abs() < 0.2, "{found:?}");
+        // a fit that takes nothing changes nothing
+        let same = noise_before_fit(&own, &[0.0; 7]);
+        assert!((same.level() / of_residuals.level() - 1.0).abs() < 1e-9);
+    }
+}
