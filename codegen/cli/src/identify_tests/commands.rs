@@ -291,7 +291,7 @@ fn nonlinear_friction_is_identified_from_a_log_and_predicts_another() {
         assert_eq!(found.friction, Friction::Stribeck);
         for (a, b) in found.values.iter().zip(&law.values) {
             assert!(
-                (a - b).abs() < 2e-3 * b,
+                (a - b).abs() < 1e-3 * b,
                 "{:?} {:?}",
                 found.values,
                 law.values
