@@ -5,7 +5,7 @@ use regen_experiment::instruments::instrumental;
 use regen_identify::IdentifiedModel;
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
-use regen_identify::session::{Choice, OpenChoices, Session, chosen, from_logs};
+use regen_identify::session::{Choice, LeastSquaresStart, OpenChoices, Session, chosen, from_logs};
 use regen_identify::signals::Method;
 use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -141,9 +141,8 @@ pub(crate) fn pin_delays(choice: &Choice, reading: &mut ReadingArgs) {
 /// - `filter`: the one that was chosen, `None` where it was given; `on_time`: the options with corrected delays,
 ///   where they are not.
 pub(crate) fn bias_remedy(
-    args: &IdentifyArgs,
-    model: &Interpreted<'_>,
-    file: &ParameterFile,
+    (args, model): (&IdentifyArgs, &Interpreted<'_>),
+    (start, file): (&LeastSquaresStart, &ParameterFile),
     filter: Option<&Choice>,
     on_time: Option<&IdentifyArgs>,
 ) -> Result<Option<BiasRemedy>, Failure> {
@@ -187,8 +186,7 @@ pub(crate) fn bias_remedy(
             }));
         }
     }
-    let start = from_logs(&session, &mut session.open(&args.logs)?)?;
-    let found = instrumental(&session, &start, &args.logs, None).ok();
+    let found = instrumental(&session, start, &args.logs, None).ok();
     let found = found.filter(|own| own.instrumental.converged);
     let closer = found.map_or(0, |own| {
         let pairs = file.parameters.iter().zip(&own.model.intervals.base);

@@ -28,6 +28,8 @@ use crate::{
 pub(crate) struct Outcome {
     pub(crate) json: Identification,
     pub(crate) identified: IdentifiedModel,
+    /// The estimate that it begins from; `None` with gains and payloads, or by simulation.
+    pub(crate) start: Option<LeastSquaresStart>,
 }
 
 /// The smallest bound of Huber's loss in standard deviations: below it nearly all residuals would
@@ -134,6 +136,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let Outcome {
         mut json,
         mut identified,
+        start,
     } = if has_loads {
         identify_loads::solve(args, &robot, &session(args, &model), &source)?
     } else {
@@ -141,11 +144,15 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     };
     // what least squares would gain is no advice for another model, and a remedy that fails is none
     let is_least_squares = !(args.iv || args.physical.wanted() || args.physical.reduce);
-    if !has_loads && !simulates && is_least_squares {
+    if let Some(start) = start.filter(|_| is_least_squares) {
         let on_time = delay::with_auto(args, &session(args, &model), &json.summary);
         let on_time = on_time.ok().flatten();
-        let remedy =
-            choice::bias_remedy(args, &model, &json.file, filter.as_ref(), on_time.as_ref());
+        let remedy = choice::bias_remedy(
+            (args, &model),
+            (&start, &json.file),
+            filter.as_ref(),
+            on_time.as_ref(),
+        );
         json.summary.bias_remedy = remedy.ok().flatten();
         let tried = on_time.map(|other| delay::tried(&other, &model));
         let tried = tried.and_then(|found| found.ok().flatten());
@@ -269,7 +276,12 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     let shares = EffortContributions::of(&start.factor);
     let file = ParameterFile::new(model, &identified, &shares, least, args.confidence)?;
     let json = Identification { file, summary };
-    Ok(Outcome { json, identified })
+    let start = Some(start);
+    Ok(Outcome {
+        json,
+        identified,
+        start,
+    })
 }
 
 /// The covariance of the least-squares parameters.

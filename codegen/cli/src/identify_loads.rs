@@ -278,7 +278,11 @@ pub(crate) fn solve(
     let shares = &found.shares;
     let file = ParameterFile::new(model, &identified, shares, Vec::new(), args.confidence)?;
     let json = Identification { file, summary };
-    Ok(Outcome { json, identified })
+    Ok(Outcome {
+        json,
+        identified,
+        start: None,
+    })
 }
 
 /// The error of a model on each run that `--against` names.

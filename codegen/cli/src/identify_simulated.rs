@@ -106,7 +106,11 @@ pub(crate) fn solve(
         ));
     }
     let json = Identification { file, summary };
-    Ok(Outcome { json, identified })
+    Ok(Outcome {
+        json,
+        identified,
+        start: None,
+    })
 }
 
 /// So many standard deviations below zero, a value is not there by chance.

@@ -97,8 +97,9 @@ impl RobotWithLog {
         let model = Interpreted::with_terms(&self.robot, &terms);
         let what = format!("{} {options}", self.source.name);
         let args = self.args(options);
-        let Outcome { json, identified } =
-            solve(&args, &model).unwrap_or_else(|error| panic!("{what}: {error}"));
+        let Outcome {
+            json, identified, ..
+        } = solve(&args, &model).unwrap_or_else(|error| panic!("{what}: {error}"));
         self.predictions_are_one(&model, &identified, &what);
 
         // the model read from the file is the same to the bit

@@ -1,13 +1,12 @@
 //! The covariance of an estimate, computed from its scores, with the degrees of freedom of that
 //! covariance.
 
-use core::f64::consts::{PI, SQRT_2};
-
 use serde::{Deserialize, Serialize};
 
+use super::cosine_sums::{Cosines, ExpectedTransforms, Sums, dot};
 use super::factor::size;
 use super::noise::cholesky;
-use super::scores::Block;
+use super::shrunk::shrunk;
 use super::solution::inverse_gram;
 use super::{Blocks, Estimate, EstimateError, LogErrors, QrFactor};
 
@@ -28,7 +27,7 @@ const MAX_RUNS: usize = 16;
 const MIN_RUN_PART: f64 = 0.2;
 /// What runs have in common with themselves only is part of the deviations if it is larger than this many
 /// standard deviations of what chance gives.
-const MIN_CHANCE: f64 = 3.0;
+pub(super) const MIN_CHANCE: f64 = 3.0;
 /// Chance has as many degrees of freedom as this part of the parameters, as far as they are independent of
 /// each other.
 const INDEPENDENT_PART: f64 = 0.5;
@@ -472,17 +471,17 @@ impl Blocks {
             cosines: &cosines,
         };
         let transforms = sum.transforms(terms, &step);
-        let expected: Vec<Vec<f64>> = (0..=2 * terms).map(|m| sum.expected(m)).collect();
-        let removed: Vec<Vec<f64>> = (1..=terms).map(|j| sum.removed(j)).collect();
+        let expected = ExpectedTransforms::new(&sum, terms);
+        let whole = expected.covariance();
 
         let mut scale = vec![1.0; k];
         let mut degrees_of_freedom = vec![terms as f64; k];
         for a in 0..k {
-            let whole = expected[0][a * k + a];
+            let whole = whole[a * k + a];
             if whole.is_nan() || whole <= 0.0 {
                 continue;
             }
-            let omega = omega(&expected, &removed, terms, k, a);
+            let omega = expected.covariance_of_transforms(a);
             let trace: f64 = (0..terms).map(|j| omega[j * terms + j]).sum();
             let squares: f64 = omega.iter().map(|x| x * x).sum();
             if trace > MIN_REMAINING_PART * terms as f64 * whole {
@@ -493,7 +492,7 @@ impl Blocks {
                 degrees_of_freedom[a] = 1.0;
             }
         }
-        let between = self.between(&sum, &transforms, &expected[0], &step);
+        let between = self.between(&sum, &transforms, whole, &step);
         let runs = between.map_or(1.0, |own| own.growth * own.growth);
         let growth = runs * growth(bread.rows as f64 * self.independent_part, k, bread.rows);
         let mut within_runs = covariance_of(&transforms, &scale);
@@ -504,7 +503,7 @@ impl Blocks {
             }
         }
         let mut covariance = covariance_of(&transforms, &scale);
-        let shrunk = shrunk(&transforms, &scale, &expected[0], k);
+        let shrunk = shrunk(&transforms, &scale, whole, k);
         let root = if let Some(mut shrunk) = shrunk {
             if growth.is_finite() {
                 let independent = bread.rows as f64 * self.independent_part - k as f64;
@@ -538,7 +537,7 @@ impl Blocks {
 }
 
 /// The mean of the outer products of the transforms, k x k, scaled for each parameter.
-fn covariance_of(transforms: &[Vec<f64>], scale: &[f64]) -> Vec<f64> {
+pub(super) fn covariance_of(transforms: &[Vec<f64>], scale: &[f64]) -> Vec<f64> {
     let k = scale.len();
     let terms = transforms.len() as f64;
     let mut covariance = vec![0.0; k * k];
@@ -583,289 +582,6 @@ struct Bread<'a> {
     inverse: &'a [f64],
     /// The number of equations.
     rows: usize,
-}
-
-/// cos(pi m s) at the middle s of each block, m = 0, 1, ..., with s from 0 to 1 over the log.
-struct Cosines {
-    count: usize,
-    values: Vec<f64>,
-}
-
-impl Cosines {
-    fn new(blocks: &[Block], samples: usize, most: usize) -> Self {
-        let count = blocks.len();
-        let mut values = vec![0.0; count * (most + 1)];
-        let mut before = 0;
-        for (b, block) in blocks.iter().enumerate() {
-            let middle = (before as f64 + 0.5 * block.samples as f64) / samples as f64;
-            for m in 0..=most {
-                values[m * count + b] = libm::cos(PI * m as f64 * middle);
-            }
-            before += block.samples;
-        }
-        Self { count, values }
-    }
-
-    fn of(&self, m: usize) -> &[f64] {
-        &self.values[m * self.count..(m + 1) * self.count]
-    }
-}
-
-/// The blocks with the cosines and B, see [`Bread`], over the parameters of an estimate.
-struct Sums<'a> {
-    blocks: &'a [Block],
-    n: usize,
-    kept: &'a [usize],
-    bread: &'a [f64],
-    cosines: &'a Cosines,
-}
-
-impl Sums<'_> {
-    /// The cosine transforms of the parameters: `sqrt(2) B sum cos_j score`, j from 1; one list of
-    /// k entries for each cosine.
-    fn transforms(&self, terms: usize, step: &[f64]) -> Vec<Vec<f64>> {
-        let k = self.kept.len();
-        let mut out = vec![vec![0.0; k]; terms];
-        for (b, block) in self.blocks.iter().enumerate() {
-            let score = self.score(block, step);
-            for (j, sum) in out.iter_mut().enumerate() {
-                let cosine = SQRT_2 * self.cosines.of(j + 1)[b];
-                for (x, own) in sum.iter_mut().zip(&score) {
-                    *x += cosine * own;
-                }
-            }
-        }
-        for x in &mut out {
-            *x = self.solved(x);
-        }
-        out
-    }
-
-    /// The sum of the scores of a block, of the kept parameters, after a step of all parameters.
-    fn score(&self, block: &Block, step: &[f64]) -> Vec<f64> {
-        let own = self.kept.iter().map(|&i| {
-            let slope = &block.slope[i * self.n..(i + 1) * self.n];
-            let moved: f64 = slope.iter().zip(step).map(|(s, x)| s * x).sum();
-            block.score[i] - moved
-        });
-        own.collect()
-    }
-
-    /// B x.
-    fn solved(&self, x: &[f64]) -> Vec<f64> {
-        let rows = self.bread.chunks_exact(self.kept.len().max(1));
-        rows.map(|row| dot(row, x)).collect()
-    }
-
-    /// `B sum cos_m P B^T` with the expected variance P of each block: entry (a, b) at a k + b.
-    fn expected(&self, m: usize) -> Vec<f64> {
-        let k = self.kept.len();
-        let sum = self.collect(m, |block, i, j| {
-            let (low, high) = (i.min(j), i.max(j));
-            block.expected[low * self.n + high]
-        });
-        let half = product(self.bread, &sum, k);
-        // sums of products that run along rows are several at a time
-        let mut transposed = vec![0.0; k * k];
-        for (i, row) in self.bread.chunks_exact(k.max(1)).enumerate() {
-            for (j, x) in row.iter().enumerate() {
-                transposed[j * k + i] = *x;
-            }
-        }
-        product(&half, &transposed, k)
-    }
-
-    /// `sqrt(2) B sum cos_j D`, with D the slope of each block: the change of the transform with
-    /// the fitted parameters.
-    fn removed(&self, j: usize) -> Vec<f64> {
-        let k = self.kept.len();
-        let mut sum = self.collect(j, |block, i, l| block.slope[i * self.n + l]);
-        for x in &mut sum {
-            *x *= SQRT_2;
-        }
-        product(self.bread, &sum, k)
-    }
-
-    /// The sum over the blocks of cos_m times one of their matrices, k x k, row by row.
-    fn collect(&self, m: usize, entry: impl Fn(&Block, usize, usize) -> f64) -> Vec<f64> {
-        let k = self.kept.len();
-        let mut sum = vec![0.0; k * k];
-        for (block, cosine) in self.blocks.iter().zip(self.cosines.of(m)) {
-            for (row, &i) in sum.chunks_exact_mut(k.max(1)).zip(self.kept) {
-                for (x, &j) in row.iter_mut().zip(self.kept) {
-                    *x += cosine * entry(block, i, j);
-                }
-            }
-        }
-        sum
-    }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-/// The product of two k x k matrices, both row by row.
-fn product(a: &[f64], b: &[f64], k: usize) -> Vec<f64> {
-    let mut out = vec![0.0; k * k];
-    for (row, into) in a.chunks_exact(k.max(1)).zip(out.chunks_exact_mut(k.max(1))) {
-        for (x, other) in row.iter().zip(b.chunks_exact(k.max(1))) {
-            for (sum, y) in into.iter_mut().zip(other) {
-                *sum += x * y;
-            }
-        }
-    }
-    out
-}
-
-/// The covariance of the transforms of parameter `a`, if the noise has the autocorrelation of the
-/// residuals; terms x terms.
-fn omega(
-    expected: &[Vec<f64>],
-    removed: &[Vec<f64>],
-    terms: usize,
-    k: usize,
-    a: usize,
-) -> Vec<f64> {
-    let row = |matrix: &'_ [f64]| -> Vec<f64> { matrix[a * k..(a + 1) * k].to_vec() };
-    let slopes: Vec<Vec<f64>> = removed.iter().map(|m| row(m)).collect();
-    let own: Vec<Vec<f64>> = (1..=terms).map(|j| row(&expected[j])).collect();
-    // the loss by the fit, times the covariance of all parameters
-    let through: Vec<Vec<f64>> = slopes
-        .iter()
-        .map(|t| {
-            let rows = expected[0].chunks_exact(k.max(1));
-            rows.map(|r| dot(r, t)).collect()
-        })
-        .collect();
-    let at = |m: usize| expected[m][a * k + a];
-    let mut out = vec![0.0; terms * terms];
-    for i in 0..terms {
-        for j in 0..=i {
-            // sqrt(2) cos i sqrt(2) cos j = cos (i - j) + cos (i + j)
-            let plain = at(i - j) + at(i + j + 2);
-            let crossed = SQRT_2 * (dot(&slopes[i], &own[j]) + dot(&slopes[j], &own[i]));
-            let value = plain - crossed + dot(&slopes[i], &through[j]);
-            out[i * terms + j] = value;
-            out[j * terms + i] = value;
-        }
-    }
-    out
-}
-
-/// A covariance of full rank, see [`Deviations::root`].
-struct Shrunk {
-    /// Its Cholesky factor, k x k, column-major.
-    root: Vec<f64>,
-    k: usize,
-    /// The weight of the covariance that noise with the autocorrelation of the residuals has.
-    weight: f64,
-}
-
-impl Shrunk {
-    fn covariance(&self) -> Vec<f64> {
-        let k = self.k;
-        let mut out = vec![0.0; k * k];
-        for column in self.root.chunks_exact(k.max(1)) {
-            for (at, x) in out.iter_mut().enumerate() {
-                *x += column[at % k] * column[at / k];
-            }
-        }
-        out
-    }
-
-    /// Makes the variances as large as those of the cosines alone where these are larger than chance
-    /// explains: what of the noise is not stationary moves some parameters more than others.
-    ///
-    /// - `cosines`: the covariance from the cosines alone, k x k.
-    fn keep_what_is_beyond_chance(&mut self, cosines: &[f64], degrees_of_freedom: &[f64]) {
-        let k = self.k;
-        for (a, freedom) in degrees_of_freedom.iter().enumerate() {
-            let variance: f64 = (0..k).map(|j| self.root[j * k + a].powi(2)).sum();
-            let ratio = cosines[a * k + a] / variance;
-            if ratio.is_finite() && ratio > 1.0 + MIN_CHANCE * (2.0 / freedom).sqrt() {
-                for j in 0..k {
-                    self.root[j * k + a] *= ratio.sqrt();
-                }
-            }
-        }
-    }
-
-    /// Those of a variance whose cosines have so many: the expected covariance, of all residuals, is known far
-    /// better.
-    fn degrees_of_freedom(&self, of_cosines: f64) -> f64 {
-        of_cosines / (1.0 - self.weight).powi(2)
-    }
-}
-
-/// The weighted mean of the covariance of the transforms and of the expected one; `None` if a variance
-/// is not positive and finite.
-fn shrunk(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<Shrunk> {
-    let zero = vec![0.0; k * k];
-    let sizes: Vec<f64> = (0..k).map(|a| expected[a * k + a].sqrt()).collect();
-    if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
-        return None;
-    }
-    let correlation: Vec<f64> = (0..k * k)
-        .map(|at| expected[at] / (sizes[at / k] * sizes[at % k]))
-        .collect();
-    let own = cholesky(&correlation, k)?;
-    // the transforms, whitened by the expected covariance
-    let terms = transforms.len() as f64;
-    let white: Vec<Vec<f64>> = transforms
-        .iter()
-        .map(|x| {
-            let mut out: Vec<f64> = (0..k).map(|a| x[a] * scale[a].sqrt() / sizes[a]).collect();
-            for j in 0..k {
-                out[j] /= own[j * k + j];
-                let value = out[j];
-                for (i, x) in out.iter_mut().enumerate().skip(j + 1) {
-                    *x -= own[j * k + i] * value;
-                }
-            }
-            out
-        })
-        .collect();
-    let mut found = zero.clone();
-    for x in &white {
-        for (i, xi) in x.iter().enumerate() {
-            for (sum, xj) in found[i * k..(i + 1) * k].iter_mut().zip(x) {
-                *sum += xi * xj / terms;
-            }
-        }
-    }
-    let mean = (0..k).map(|a| found[a * k + a]).sum::<f64>() / k.max(1) as f64;
-    let square = |matrix: &[f64]| matrix.iter().map(|x| x * x).sum::<f64>();
-    // |S - mu I|^2, and the part of it that is due to chance: sum |x x^T - S|^2 / terms^2
-    let distance = square(&found) - k as f64 * mean * mean;
-    let lengths: f64 = white.iter().map(|x| dot(x, x).powi(2)).sum();
-    let chance = (lengths / terms - square(&found)) / terms;
-    let shrinkage = if distance > 0.0 {
-        (chance / distance).clamp(0.0, 1.0)
-    } else {
-        1.0
-    };
-    // a small part of the mean makes a singular matrix positive definite
-    let shrinkage = shrinkage.max(1e-6);
-    for (at, x) in found.iter_mut().enumerate() {
-        *x *= 1.0 - shrinkage;
-        if at / k == at % k {
-            *x += shrinkage * mean;
-        }
-    }
-    let of_found = cholesky(&found, k)?;
-    let mut out = zero;
-    for j in 0..k {
-        for i in j..k {
-            let sum: f64 = (j..=i).map(|l| own[l * k + i] * of_found[j * k + l]).sum();
-            out[j * k + i] = sizes[i] * sum;
-        }
-    }
-    Some(Shrunk {
-        root: out,
-        k,
-        weight: shrinkage,
-    })
 }
 
 #[cfg(test)]
@@ -945,34 +661,6 @@ mod tests {
                 .between
                 .is_some_and(|own| !own.are_runs && own.count == 8)
         );
-    }
-
-    #[test]
-    fn variances_of_many_parameters_vary_less_than_those_of_cosines_alone() {
-        let (k, terms) = (24, 20);
-        let mut random = Random(3);
-        let transforms = (0..terms).map(|_| (0..k).map(|_| random.normal()).collect());
-        let transforms: Vec<Vec<f64>> = transforms.collect();
-        let scale = vec![1.0; k];
-        let identity: Vec<f64> = (0..k * k)
-            .map(|at| f64::from(u8::from(at / k == at % k)))
-            .collect();
-        let spread = |covariance: &[f64]| {
-            let variances = (0..k).map(|a| covariance[a * k + a] - 1.0);
-            variances.map(|x| x * x).sum::<f64>()
-        };
-        let cosines = covariance_of(&transforms, &scale);
-        let mut found = shrunk(&transforms, &scale, &identity, k).unwrap();
-        let alone = spread(&cosines);
-        assert!(spread(&found.covariance()) < 0.25 * alone, "{alone}");
-        assert!(found.degrees_of_freedom(20.0) > 100.0);
-        // a variance that is far larger than chance explains is kept
-        let mut larger = cosines.clone();
-        larger[5 * k + 5] = 9.0;
-        found.keep_what_is_beyond_chance(&larger, &vec![20.0; k]);
-        let covariance = found.covariance();
-        assert!((covariance[5 * k + 5] - 9.0).abs() < 1e-9);
-        assert!((covariance[6 * k + 6] - 1.0).abs() < 0.3);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! one for each effort and is what factor files store, [`Estimate`] is the least-squares solution
 //! with its covariance.
 
+mod cosine_sums;
 mod deviations;
 mod error;
 mod factor;
@@ -14,6 +15,7 @@ mod residuals;
 mod row_block;
 mod scores;
 mod set;
+mod shrunk;
 mod solution;
 mod spectrum;
 

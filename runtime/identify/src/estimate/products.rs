@@ -67,10 +67,12 @@ impl OuterProducts {
     /// symmetric sum are not filled.
     pub(crate) fn take(&mut self) -> Vec<f64> {
         self.add();
-        let rows = self.sum.chunks_exact(self.stride.max(1)).take(self.n);
-        let sum = rows.flat_map(|row| &row[..self.n]).copied().collect();
+        let mut out = Vec::with_capacity(self.n * self.n);
+        for row in self.sum.chunks_exact(self.stride.max(1)).take(self.n) {
+            out.extend_from_slice(&row[..self.n]);
+        }
         self.sum.fill(0.0);
-        sum
+        out
     }
 
     /// Continues a sum that [`take`](Self::take) returned.

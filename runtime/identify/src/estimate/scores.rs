@@ -212,6 +212,13 @@ impl Scores {
         }
     }
 
+    /// The same for a known number of samples, whose blocks need not be merged.
+    #[must_use]
+    pub(crate) fn of_samples(mut self, samples: usize) -> Self {
+        self.length = samples.div_ceil(BLOCKS).max(1).next_power_of_two();
+        self
+    }
+
     /// Adds a sample.
     ///
     /// - `w`: the regressor, efforts x n, column by column;
@@ -398,7 +405,10 @@ impl Scores {
     pub fn finish(mut self, values: &[f64]) -> Result<Blocks, EstimateError> {
         size("values", self.n, values.len())?;
         self.interrupt();
-        self.end_block();
+        // the last block of too many is the current one again
+        while self.current.samples > 0 {
+            self.end_block();
+        }
         let memory = self.noise.iter().map(Autoregression::correlation_length);
         let parts = memory.clone().map(|length| 1.0 / length.max(1.0));
         let efforts = self.noise.len().max(1) as f64;
@@ -429,4 +439,44 @@ pub(crate) fn changed_by(factor: &QrFactor, scores: &[f64]) -> Option<Vec<f64>> 
     let rows = gram.chunks_exact(scores.len().max(1));
     let products = rows.map(|row| row.iter().zip(scores).map(|(a, b)| a * b).sum());
     Some(products.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_of_a_known_number_of_samples_are_those_that_merging_gives() {
+        let noise = [Autoregression::fit(0.5, &[0.5, 0.2], 400)];
+        for samples in [1, 100, 128, 129, 130, 256, 257, 1000] {
+            let value = |k: usize, factor: f64| libm::sin(factor * k as f64);
+            let collected = |mut scores: Scores| -> Option<Blocks> {
+                for k in 0..samples {
+                    let w = [1.0, value(k, 0.7)];
+                    scores.push(&w, &[1.0], &[value(k, 3.3)], &[1.0]).ok()?;
+                }
+                scores.finish(&[0.0, 0.0]).ok()
+            };
+            let merged = collected(Scores::new(2, &noise));
+            let known = collected(Scores::new(2, &noise).of_samples(samples));
+            let (Some(merged), Some(known)) = (merged, known) else {
+                panic!("{samples}");
+            };
+            // no sample is lost where the last block is one too many
+            assert_eq!((merged.samples(), known.samples()), (samples, samples));
+            assert_eq!(merged.len(), known.len(), "{samples}");
+            for (a, b) in merged.blocks.iter().zip(&known.blocks) {
+                assert_eq!(a.samples, b.samples, "{samples}");
+                let pairs = a
+                    .score
+                    .iter()
+                    .zip(&b.score)
+                    .chain(a.slope.iter().zip(&b.slope));
+                assert!(
+                    pairs.into_iter().all(|(x, y)| (x - y).abs() < 1e-12),
+                    "{samples}"
+                );
+            }
+        }
+    }
 }

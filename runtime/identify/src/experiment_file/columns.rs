@@ -231,6 +231,17 @@ fn one(
     }
     let place = node.get("column").unwrap_or(node);
     let Some(column) = column(place) else { return };
+    if let (Column::Name(name), false) = (&column, key.text.contains('*'))
+        && let Some((own, factor)) = name.split_once('*')
+    {
+        let message = format!(
+            "'*' stands for what it stands for in the key, and '{}' has none",
+            key.text
+        );
+        let remedy = format!("a factor has a key of its own: {{column: {own}, factor: {factor}}}");
+        sink.push(place.at, path, message, &remedy);
+        return;
+    }
     let unit_fits = fits(kind, &found, node, path, sink);
     let gain_fits = needs_gain(kind, node, place, path, sink);
     if !(unit_fits && gain_fits && suffices(&column, &found, place.at, path, sink)) {

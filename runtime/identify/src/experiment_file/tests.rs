@@ -332,6 +332,10 @@ fn columns_that_contradict_each_other_are_refused() {
         ("columns: {q*: 3}", "1 column for 2 coordinates: q1 q2"),
         ("columns: {q*: 3..5}", "3 columns for 2 coordinates: q1 q2"),
         ("columns: {q**: 'a*'}", "a pattern has one `*`"),
+        (
+            "columns: {tau_q1: 'amps*35.2'}",
+            "'*' stands for what it stands for in the key, and 'tau_q1' has none",
+        ),
         ("columns: {q1: [2, 3]}", "2 columns for 1 coordinates"),
         (
             "columns: {q*: [2, 3..4, 5, 6]}",

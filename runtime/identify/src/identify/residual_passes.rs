@@ -242,7 +242,7 @@ pub(super) fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     mut delays: Option<&mut DelayScores<'_>>,
 ) -> Result<(Blocks, Option<Autocorrelated>, PsiSums), S::Error> {
     let n = estimate.values.len();
-    let mut scores = Scores::new(n, noise);
+    let mut scores = Scores::new(n, noise).of_samples(replay.left_out().samples);
     let mut newey_west = bandwidth.map(|b| Autocorrelated::new(n, b));
     let mut psi_sums = PsiSums::default();
     let mut score = vec![0.0; n];

@@ -3,8 +3,8 @@
 use regen_runtime::BaseModel;
 
 use super::choice::{
-    BIAS_WEIGHT, Basis, Choice, LossChoice, ORDER, Search, SeriesChoice, Trial, VelocityChoice,
-    all_errors, fitted, mean_square, rate_of, trial,
+    BIAS_WEIGHT, Basis, Choice, KnownBias, LossChoice, ORDER, Search, SeriesChoice, Trial,
+    VelocityChoice, all_errors, fitted, mean_square, rate_of, trial,
 };
 use super::motion_noise::{NoisyLogs, is_undetermined, rates};
 use super::{Session, SessionError};
@@ -17,6 +17,10 @@ use crate::signals::{Method, SignalError, fitting_series};
 const SERIES_BELOW: f64 = 1.0;
 /// The same of a series of parts of the logs: what their other rows tell, such as weights at rest, is then lost.
 const PART_BELOW: f64 = 0.5;
+/// Of many samples, so many are tried first, and the others too unless the filter is clearly better: by this factor
+/// of the mean square errors.
+const ENOUGH_SAMPLES: usize = 4000;
+const CLEARLY: f64 = 1.3;
 /// Velocities computed from the positions are taken in place of measured ones if their mean square error is
 /// below this part of that of the measured ones.
 const COMPUTED_BELOW: f64 = 0.7;
@@ -60,7 +64,7 @@ pub(super) fn velocity_choice<M: BaseModel<f64> + ?Sized>(
     let mut lower: Vec<f64> = cutoffs.filter(|own| *own <= measured.cutoff).collect();
     lower.reverse();
     for cutoff in lower {
-        let computed = match trial(session, without, &levels, (cutoff, rate), None) {
+        let computed = match trial(session, without, &levels, (cutoff, rate), KnownBias::None) {
             Ok(found) => found,
             Err(error) if is_undetermined(&error) => continue,
             Err(error) => return Err(error),
@@ -98,7 +102,13 @@ pub(super) fn loss_choice<M: BaseModel<f64> + ?Sized>(
     };
     let levels = basis.logs.noise_levels();
     let place = (squares.cutoff, basis.rate());
-    let bounded = match trial(robust, &basis.logs, &levels, place, None) {
+    let bounded = match trial(
+        robust,
+        &basis.logs,
+        &levels,
+        place,
+        KnownBias::OfEquations(squares),
+    ) {
         Err(error) if is_undetermined(&error) => return Ok(None),
         found => found?,
     };
@@ -251,9 +261,38 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
         }) => return Ok(None),
         opened => opened?,
     };
-    let series = match fitted(session, &mut logs, false) {
-        Err(error) if is_undetermined(&error) => return Ok(None),
-        found => Trial::of_exact_motion(found?, filtered.cutoff),
+    let fitted = |logs: &mut Logs<'_, M>| -> Result<Option<Trial>, DataError> {
+        match fitted(session, logs, false) {
+            Err(error) if is_undetermined(&error) => Ok(None),
+            found => Ok(Some(Trial::of_exact_motion(found?, filtered.cutoff))),
+        }
+    };
+    let below = if found.parts.is_empty() {
+        SERIES_BELOW
+    } else {
+        PART_BELOW
+    };
+    let samples: usize = positions.iter().map(|own| own.times.len()).sum();
+    let every = samples / ENOUGH_SAMPLES;
+    if every > 1
+        && let Some(few) = fitted(&mut logs.thinned(reading.method, 1, every)?)?
+        && let [own, other] = &all_errors(&[&few, filtered], 0)[..]
+    {
+        // with all equations it is at least this, unless their errors alternate
+        let least = own.variance / every as f64;
+        if least > CLEARLY * below * other.sum() {
+            let efforts = mean_square(&few.factor);
+            let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+            return Ok(Some(SeriesChoice {
+                is_used: false,
+                filtered: Some(percent(other.sum())),
+                series: percent(least),
+                ..found
+            }));
+        }
+    }
+    let Some(series) = fitted(&mut logs)? else {
+        return Ok(None);
     };
     // the errors of efforts along the whole motion, which no filter has smoothed
     let errors = all_errors(&[&series, filtered], 0);
@@ -269,11 +308,6 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
     }
     let efforts = mean_square(&series.factor);
     let percent = |square: f64| 100.0 * (square / efforts).sqrt();
-    let below = if found.parts.is_empty() {
-        SERIES_BELOW
-    } else {
-        PART_BELOW
-    };
     Ok(Some(SeriesChoice {
         is_used: with_series < below * with_filter,
         filtered: with_filter.is_finite().then(|| percent(with_filter)),

@@ -65,7 +65,7 @@ const AS_GOOD: f64 = 1.7;
 /// the motion: of the same errors it would leave less.
 const BENT: f64 = 1.5;
 /// So many cutoffs in a row that are not better than the best one end the search.
-const PATIENCE: usize = 4;
+const PATIENCE: usize = 2;
 /// A higher cutoff with so many times the mean square error of the best one ends it too: noise of the motion
 /// only grows, and its weight in the mean is small.
 const HOPELESS: f64 = 10.0;
@@ -118,7 +118,8 @@ pub struct SeriesChoice {
     /// leaves too few equations to tell.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub filtered: Option<f64>,
-    /// What noise leaves unknown of them with the series.
+    /// What noise leaves unknown of them with the series; at least this where a part of the equations showed that
+    /// the filter leaves far less.
     pub series: f64,
 }
 
@@ -604,7 +605,8 @@ fn search<M: BaseModel<f64> + ?Sized>(
     let mut errors = Vec::new();
     let mut best = 0;
     for cutoff in cutoffs(MIN_PERIODS / length, MAX_CUTOFF_RATIO * rate) {
-        match trial(session, logs, &levels, (cutoff, rate), trials.last()) {
+        let known = trials.last().map_or(KnownBias::None, KnownBias::OfLower);
+        match trial(session, logs, &levels, (cutoff, rate), known) {
             Ok(found) => trials.push(found),
             Err(error) if is_uneven(&error) => return Err(error),
             Err(error) if is_undetermined(&error) => continue,
@@ -649,16 +651,25 @@ fn cutoffs(least: f64, most: f64) -> Vec<f64> {
         .collect()
 }
 
+/// What is known of the bias of a trial from another one.
+#[derive(Clone, Copy)]
+pub(super) enum KnownBias<'a> {
+    /// Nothing.
+    None,
+    /// The bias with the next lower cutoff, which is taken where noise of the motion is far too small to matter
+    /// with this one.
+    OfLower(&'a Trial),
+    /// The bias of the same equations with another loss.
+    OfEquations(&'a Trial),
+}
+
 /// The estimate with a filter.
-///
-/// - `lower`: that of the next lower cutoff, whose bias is taken where noise of the motion is far too small
-///   to matter with this one.
 pub(super) fn trial<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &Logs<'_, M>,
     levels: &[Vec<NoiseLevels>],
     (cutoff, rate): (f64, f64),
-    lower: Option<&Trial>,
+    known: KnownBias<'_>,
 ) -> Result<Trial, DataError> {
     let method = Method::Butterworth {
         order: ORDER,
@@ -672,15 +683,20 @@ pub(super) fn trial<M: BaseModel<f64> + ?Sized>(
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
     let mut efforts = found.estimate.efforts.iter().zip(&found.contained);
     let is_scarce = efforts.any(|(effort, parameters)| 2 * effort.rows < 3 * parameters);
-    let negligible = lower.filter(|lower| {
+    let is_negligible = |lower: &Trial| {
         let size = size_of(&lower.bias, lower.values.len());
         let mut pairs = size.iter().enumerate();
         pairs.all(|(k, bias)| GROWTH * bias < NEGLIGIBLE * found.deviations.sigma(k))
-    });
+    };
+    let known = match known {
+        KnownBias::OfLower(lower) => is_negligible(lower).then_some((lower, GROWTH)),
+        KnownBias::OfEquations(own) => Some((own, 1.0)),
+        KnownBias::None => None,
+    };
     let (mut correction, mut signal) = (None, found.factor.r().to_vec());
-    let bias: Vec<Vec<f64>> = if let Some(lower) = negligible {
-        let grown = |own: &Vec<f64>| own.iter().map(|bias| GROWTH * bias).collect();
-        lower.bias.iter().map(grown).collect()
+    let bias: Vec<Vec<f64>> = if let Some((other, growth)) = known {
+        let grown = |own: &Vec<f64>| own.iter().map(|bias| growth * bias).collect();
+        other.bias.iter().map(grown).collect()
     } else {
         // Huber's weights are of the equations, those of the bias of the efforts alone
         let without = (session.options.huber.is_none()).then_some(&found.factor);

@@ -452,6 +452,7 @@ pub fn differences(
     let side = neighbours.clamp(1, NEIGHBOURS).min((n - 1) / 2);
     let mut rate = nans(n);
     let mut acceleration = nans(n);
+    let even = even_step(times);
     for k in side..n - side {
         let around = k - side..=k + side;
         (rate[k], acceleration[k]) = if side == 1 {
@@ -462,6 +463,8 @@ pub fn differences(
                 (before * before * up + after * after * down) / all,
                 2.0 * (before * up - after * down) / all,
             )
+        } else if let Some(step) = even {
+            even_polynomial(&values[around], side, step)
         } else {
             polynomial(&times[around.clone()], &values[around], side)
         };
@@ -472,6 +475,39 @@ pub fn differences(
         acceleration,
         valid: side..n - side,
     })
+}
+
+/// Times count as equally spaced if each is within this part of a step of its place.
+const EVEN: f64 = 1e-9;
+
+/// The step of equally spaced times; `None` if they are not.
+fn even_step(times: &[f64]) -> Option<f64> {
+    let (first, last) = (times.first()?, times.last()?);
+    let step = (last - first) / (times.len().max(2) - 1) as f64;
+    let mut places = times.iter().enumerate();
+    let is_even = places.all(|(k, t)| (t - first - k as f64 * step).abs() <= EVEN * step);
+    is_even.then_some(step)
+}
+
+/// As [`polynomial`] through equally spaced samples, with the weights of Fornberg (1988).
+fn even_polynomial(values: &[f64], middle: usize, step: f64) -> (f64, f64) {
+    // those of the first and of the second derivative, nearest samples first
+    let weights: &[(f64, f64)] = match middle {
+        2 => &[(2.0 / 3.0, 4.0 / 3.0), (-1.0 / 12.0, -1.0 / 12.0)],
+        _ => &[(0.75, 1.5), (-0.15, -0.15), (1.0 / 60.0, 1.0 / 90.0)],
+    };
+    let (before, after) = values.split_at(middle.min(values.len()));
+    let Some((own, after)) = after.split_first() else {
+        return (f64::NAN, f64::NAN);
+    };
+    let (mut rate, mut acceleration) = (0.0, 0.0);
+    for ((first, second), (left, right)) in weights.iter().zip(before.iter().rev().zip(after)) {
+        // relative to the middle value, so that small motions lose no digits
+        let (down, up) = (own - left, right - own);
+        rate += first * (up + down);
+        acceleration += second * (up - down);
+    }
+    (rate / step, acceleration / (step * step))
 }
 
 /// The first and second derivative of the polynomial through all samples, at the middle sample:
@@ -516,4 +552,36 @@ fn polynomial(times: &[f64], values: &[f64], middle: usize) -> (f64, f64) {
 
 fn nans(n: usize) -> Vec<f64> {
     vec![f64::NAN; n]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derivatives_at_equal_steps_are_those_of_any_steps() {
+        let (step, shift) = (0.01, 1e-6);
+        let even: Vec<f64> = (0..60).map(|k| step * f64::from(k)).collect();
+        // no step is equal to another, so that divided differences are used
+        let uneven: Vec<f64> = (even.iter().enumerate())
+            .map(|(k, t)| t + shift * step * libm::sin(k as f64))
+            .collect();
+        assert!(even_step(&even).is_some() && even_step(&uneven).is_none());
+        let wave =
+            |times: &[f64]| -> Vec<f64> { times.iter().map(|t| libm::sin(9.0 * t)).collect() };
+        for neighbours in [2, 3] {
+            let one = differences(&even, &wave(&even), neighbours);
+            let other = differences(&uneven, &wave(&uneven), neighbours);
+            let (Ok(one), Ok(other)) = (one, other) else {
+                panic!("{neighbours}");
+            };
+            for k in neighbours..60 - neighbours {
+                assert!((one.rate[k] - other.rate[k]).abs() < 1e-5, "{k}");
+                assert!(
+                    (one.acceleration[k] - other.acceleration[k]).abs() < 1e-4,
+                    "{k}"
+                );
+            }
+        }
+    }
 }
