@@ -340,7 +340,7 @@ impl<'a> Export<'a> {
             exact: self.exact,
         };
         let tree = match format {
-            FileFormat::Urdf => urdf::read(&root, &mut fields)?,
+            FileFormat::Urdf => urdf::read(&root, &mut fields, reader)?,
             FileFormat::Mjcf => mjcf::read(&root, &mut fields, reader)?,
         };
         let draft = layout::lay_out(&tree, &mut Log::default());
