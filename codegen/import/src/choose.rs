@@ -47,7 +47,12 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
         Err(problem) => {
             let (message, hint) = match &problem {
                 HomeProblem::NotClosed { near, .. } => {
-                    not_closed(&mechanism, &problem, near, home_option)
+                    let found = if near.is_empty() {
+                        closed_elsewhere(&loops, model)
+                    } else {
+                        near.clone()
+                    };
+                    not_closed(&mechanism, &problem, &found, home_option)
                 }
                 HomeProblem::Singular { remedy, .. } => {
                     let (message, hint) = described(&mechanism, &problem);
@@ -67,6 +72,112 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
             Err(Report::new(source.clone(), vec![diagnostic]))
         }
     }
+}
+
+/// The number of steps by which a search for a closed state ends.
+const STEPS: usize = 100;
+
+/// A closed state with whatever values of all coordinates, of those found the closest to 0: a file states no
+/// home, so that its motors are at 0 for no reason.
+fn closed_elsewhere(loops: &NumericLoops<'_>, model: &Model) -> Vec<Vec<f64>> {
+    const STARTS: u32 = 300;
+    /// The number of multiplications that the search may take, about 3 s.
+    const MAX_WORK: f64 = 2e9;
+    /// States that are enough to choose from.
+    const ENOUGH: usize = 6;
+    let count = model.coordinates.len();
+    // multiples of irrational numbers spread the starts evenly, the later ones wider
+    let spread = |start: u32, k: usize| {
+        let turns = f64::from(start) * libm::sqrt(k as f64 + 2.0);
+        let width = std::f64::consts::PI * f64::from(start) / f64::from(STARTS);
+        (2.0 * (turns - libm::floor(turns)) - 1.0) * width
+    };
+    let rows = loops.units().rows.len() as f64;
+    let of_start = STEPS as f64 * rows * rows * (rows + count as f64);
+    let starts = (0..STARTS).take_while(|start| f64::from(*start) * of_start < MAX_WORK);
+    let states = starts.filter_map(|start| {
+        let q = closed_from((0..count).map(|k| spread(start, k)).collect(), loops)?;
+        let farthest = q.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        Some((farthest, q))
+    });
+    let closest = states.take(ENOUGH).min_by(|a, b| a.0.total_cmp(&b.0));
+    closest.map(|(_, state)| state).into_iter().collect()
+}
+
+/// The closed state that damped least squares (Levenberg and Marquardt) reach from a start; `None` if they
+/// reach none. Rows may depend on each other, as those of rigid cuts in planar loops do.
+fn closed_from(mut q: Vec<f64>, loops: &NumericLoops<'_>) -> Option<Vec<f64>> {
+    /// Largest remaining gap in the mechanism's units.
+    const CLOSED: f64 = 1e-11;
+    let sum = |f: &[f64]| f.iter().map(|x| x * x).sum::<f64>();
+    let units = &loops.units().coordinates;
+    let (mut f, mut a) = loops.normal(&q);
+    let mut damping = 1e-2;
+    for _ in 0..STEPS {
+        if f.iter().all(|x| x.abs() <= CLOSED) {
+            return Some(q);
+        }
+        // (A A^T + damping) y = f, step = -A^T y
+        let mut rows: Vec<Vec<f64>> = a
+            .iter()
+            .zip(&f)
+            .enumerate()
+            .map(|(i, (row, f))| {
+                let products = a.iter().map(|other| dot(row, other));
+                let mut row: Vec<f64> = products.collect();
+                row[i] += damping;
+                row.push(*f);
+                row
+            })
+            .collect();
+        let y = solved(&mut rows)?;
+        let next: Vec<f64> = (0..q.len())
+            .map(|c| {
+                let along: f64 = a.iter().zip(&y).map(|(row, y)| row[c] * y).sum();
+                q[c] - along * units[c]
+            })
+            .collect();
+        let (after, jacobian) = loops.normal(&next);
+        if sum(&after) < sum(&f) {
+            (q, f, a) = (next, after, jacobian);
+            damping = (damping * 0.2).max(1e-14);
+        } else {
+            damping *= 6.0;
+            if damping > 1e6 {
+                return None;
+            }
+        }
+    }
+    None
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The solution of a positive definite system, whose right side is the last column; `None` if it is
+/// singular.
+fn solved(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
+    let n = rows.len();
+    for k in 0..n {
+        let (above, below) = rows.split_at_mut(k + 1);
+        let pivot = &above[k];
+        if pivot[k].is_nan() || pivot[k] <= 0.0 {
+            return None;
+        }
+        for row in below {
+            let factor = row[k] / pivot[k];
+            for (entry, own) in row.iter_mut().zip(pivot).skip(k) {
+                *entry -= factor * own;
+            }
+        }
+    }
+    let mut x = vec![0.0; n];
+    for k in (0..n).rev() {
+        let rest = dot(&rows[k][k + 1..n], &x[k + 1..]);
+        x[k] = (rows[k][n] - rest) / rows[k][k];
+    }
+    x.iter().all(|x| x.is_finite()).then_some(x)
 }
 
 /// The message and the hint for loops that do not close: the gaps of the cuts, and values from which

@@ -4,7 +4,7 @@
 //! that it stands in. An unknown name that may tie links together is an error, since a robot without
 //! one of its constraints is another robot.
 
-use crate::log::Log;
+use crate::log::{Log, Place};
 use crate::xml::{Attribute, Element};
 
 /// An element of a format, with the names of what no reader needs in it.
@@ -73,14 +73,42 @@ const KINEMATIC: [&str; 23] = [
 /// - `rows`: what of the format has no effect on the dynamics.
 /// - `ignore`: the option by which a name can be left out.
 pub(crate) fn report(root: &Element, rows: &[Row], ignore: &str, log: &mut Log) {
-    let mut reporter = Reporter { rows, ignore, log };
+    let mut reporter = Reporter {
+        rows,
+        log,
+        refused: Vec::new(),
+    };
     reporter.used(root);
+    for Refused {
+        name,
+        within,
+        place,
+        count,
+    } in reporter.refused
+    {
+        let times = match count {
+            1 => String::new(),
+            count => format!(" ({count} times)"),
+        };
+        let message =
+            format!("{name} in <{within}> is not known, and may tie links together{times}");
+        let bare = name.trim_matches(['<', '>']);
+        log.error(place, message, &format!("`{ignore} {bare}` leaves it out"));
+    }
+}
+
+/// A name that may be kinematic, at the first place where it stands.
+struct Refused {
+    name: String,
+    within: String,
+    place: Place,
+    count: usize,
 }
 
 struct Reporter<'a> {
     rows: &'a [Row],
-    ignore: &'a str,
     log: &'a mut Log,
+    refused: Vec<Refused>,
 }
 
 impl<'a> Reporter<'a> {
@@ -172,16 +200,24 @@ impl<'a> Reporter<'a> {
         }
     }
 
-    fn idle(&mut self, place: crate::Place, item: &str) {
+    fn idle(&mut self, place: Place, item: &str) {
         let text = "not used, since it has no effect on the dynamics: {}";
         self.log.note_each(place, text, item);
     }
 
-    fn refuse(&mut self, place: crate::Place, name: &str, within: &str) {
-        let message = format!("{name} in <{within}> is not known, and may tie links together");
-        let bare = name.trim_matches(['<', '>']);
-        let hint = format!("`{} {bare}` leaves it out", self.ignore);
-        self.log.error(place, message, &hint);
+    fn refuse(&mut self, place: Place, name: &str, within: &str) {
+        let mut refused = self.refused.iter_mut();
+        let same = refused.find(|own| own.name == name && own.within == within);
+        if let Some(same) = same {
+            same.count += 1;
+            return;
+        }
+        self.refused.push(Refused {
+            name: name.to_owned(),
+            within: within.to_owned(),
+            place,
+            count: 1,
+        });
     }
 }
 

@@ -6,7 +6,7 @@ use crate::fields::Fields;
 use crate::log::Place;
 use crate::notes::unread;
 use crate::pose::{Pose, from_quaternion, tensor_in, transposed};
-use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
+use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Side, Tree};
 use crate::unused::Row;
 use crate::xml::{Attribute, Element, Reader};
 
@@ -112,6 +112,18 @@ pub(crate) fn read(
             read.joints.extend(moving(joint, &mut tree, fields));
         }
         tree.links.push(read);
+    }
+    // the frame of a joint is that of the link that it carries
+    for joint in &joints {
+        let child = joint.child("child").and_then(|child| child.text("link"));
+        let link = child.and_then(|name| tree.find(name));
+        if let (Some(name), Some(link)) = (joint.text("name"), link) {
+            let side = Side {
+                link: Some(link),
+                pose: Pose::default(),
+            };
+            tree.frames.push((name.to_owned(), side));
+        }
     }
     motors::read(root, &mut tree, fields);
     if tree.actuated.is_empty() && tree.drives.is_empty() {
@@ -312,7 +324,7 @@ fn moving(joint: &Element, tree: &mut Tree, fields: &mut Fields<'_>) -> Option<J
     let (kind, limited) = match kind.value.as_str() {
         "fixed" => {
             // tools write them for joints that do not move too
-            for tag in ["axis", "limit", "dynamics"] {
+            for tag in ["axis", "limit", "dynamics", "joint_properties"] {
                 joint.all(tag).for_each(Element::set_aside);
             }
             return None;
@@ -343,7 +355,9 @@ fn moving(joint: &Element, tree: &mut Tree, fields: &mut Fields<'_>) -> Option<J
     if let Some(limit) = joint.child("limit") {
         limits(limit, limited, &mut read, fields);
     }
-    if let Some(dynamics) = joint.child("dynamics") {
+    // some exporters write the name of the first versions of URDF
+    let dynamics = joint.child("dynamics");
+    if let Some(dynamics) = dynamics.or_else(|| joint.child("joint_properties")) {
         let mut value = |key| {
             let attribute = dynamics.attribute(key)?;
             let value = fields.number(attribute)?;

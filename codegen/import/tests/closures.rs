@@ -186,6 +186,24 @@ fn a_robot_yaml_beside_the_file_closes_its_loops() {
         &notes(&found),
         "robot.yaml:5:1: not used in robot.yaml: other",
     );
+    // frames may be joints, and joints of other kinds
+    let kinds = "closed_loop: [[tb, td]]\ntype: ['3d']\njoint_name: [p1, p2, q2]\n\
+                 joint_type: [UJOINT_YZ, SPHERICAL, FIXED]\n";
+    let found = with(kinds).unwrap();
+    for part in [
+        "{name: p1_y, type: revolute, origin: {xyz: [0.2, 0, 0], rpy: [0, 1.2, 0]}, axis: y}",
+        "{name: p1_z, type: revolute, body: b",
+        "name: p2\n        type: spherical",
+    ] {
+        assert_has(&found.spec, part);
+    }
+    assert!(!found.spec.contains("name: q2"), "{}", found.spec);
+    let wrong =
+        with("closed_loop: [[tb, td]]\ntype: ['3d']\njoint_name: [p1]\njoint_type: [UJOINT_YW]\n");
+    assert_has(
+        &wrong.unwrap_err()[0].to_string(),
+        "the joint 'p1' cannot become 'UJOINT_YW'",
+    );
     // a spec of that name says nothing about the file
     let other = with("name: five\nlimbs: []\n").unwrap();
     assert!(!other.spec.contains("cuts:"), "{}", other.spec);

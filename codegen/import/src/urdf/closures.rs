@@ -6,10 +6,11 @@ use regen_codegen::diag::{Source, Span};
 use serde_json::Value;
 
 use crate::fields::Fields;
+use crate::frames::axis_vector;
 use crate::log::Place;
 use crate::pose::{Pose, V3, cross, dot, norm, times};
 use crate::sdf;
-use crate::tree::{Coupling, Kind, LoopCut, Side, Spring, Tree};
+use crate::tree::{Coupling, Joint, Kind, LoopCut, Side, Spring, Tree};
 use crate::xml::{Attribute, Element, Reader};
 
 use super::{origin, origin_in, required};
@@ -390,13 +391,13 @@ pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut
     motors(&all, &strings("name_mot"), tree);
     let kinds = strings("joint_type");
     for (name, kind) in strings("joint_name").iter().zip(kinds) {
-        let mut joints = tree.links.iter_mut().flat_map(|link| &mut link.joints);
-        let found = joints.find(|joint| joint.name == *name);
-        if let Some(joint) = found.filter(|_| kind == "spherical") {
-            joint.kind = Kind::Spherical;
-        } else {
+        if tree.joint(name).is_none() {
+            let text = "joints that the URDF file has not: {}";
+            fields.log.note_each(place_of(file, name), text, name);
+        } else if !turn_into(tree, name, &kind.to_ascii_uppercase()) {
             let message = format!("the joint '{name}' cannot become '{kind}'");
-            let hint = "joint_name and joint_type make joints of the URDF file spherical";
+            let hint = "joint_name and joint_type make joints of the URDF file FIXED or SPHERICAL, or UJOINT_XY with two of \
+                        the axes";
             fields.log.error(place_of(file, name), message, hint);
         }
     }
@@ -411,6 +412,49 @@ pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut
         let text = "not used in robot.yaml: {}";
         fields.log.note_each(place_of(file, key), text, key);
     }
+}
+
+/// Turns a joint into a rigid one, a ball, or two hinges about axes of its frame; whether that was possible.
+fn turn_into(tree: &mut Tree, name: &str, kind: &str) -> bool {
+    let has = |joint: &Joint| joint.name == name;
+    let links = tree.links.iter_mut();
+    let Some(link) = links.into_iter().find(|link| link.joints.iter().any(has)) else {
+        return false;
+    };
+    let own = link.joints.clone();
+    let Some(joint) = own.iter().find(|joint| has(joint)) else {
+        return false;
+    };
+    let part = |letter: char| {
+        let axis = match letter {
+            'X' => 'x',
+            'Y' => 'y',
+            'Z' => 'z',
+            _ => return None,
+        };
+        Some(Joint {
+            name: format!("{name}_{axis}"),
+            kind: Kind::Revolute,
+            axis: axis_vector(axis),
+            passive: true,
+            position: None,
+            ..joint.clone()
+        })
+    };
+    let axes: Vec<char> = kind.strip_prefix("UJOINT_").unwrap_or("").chars().collect();
+    let joints = match (kind, axes.as_slice()) {
+        ("FIXED", _) => Some(Vec::new()),
+        ("SPHERICAL", _) => Some(vec![Joint {
+            kind: Kind::Spherical,
+            position: None,
+            ..joint.clone()
+        }]),
+        (_, [first, second]) => part(*first).zip(part(*second)).map(|(a, b)| vec![a, b]),
+        _ => None,
+    };
+    let found = joints.is_some();
+    link.joints = joints.unwrap_or(own);
+    found
 }
 
 /// Takes the joints that `name_mot` lists, or all whose names contain its word, as the actuated ones.
