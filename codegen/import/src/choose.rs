@@ -1,12 +1,15 @@
 //! Chooses independent coordinates with the loop closure that the derivation uses.
 
 use regen_codegen::Mechanism;
-use regen_codegen::constraints::{HomeProblem, NumericLoops, close_home, world_equations};
+use regen_codegen::constraints::{
+    HomeProblem, NumericLoops, agreement, close_home, world_equations,
+};
 use regen_codegen::diag::{Diagnostic, Report, Source, Span, rounded};
 use regen_codegen::functions::Symbols;
 use regen_codegen::kinematics::{Frames, Geometry};
 use regen_codegen::model::Model;
 use regen_codegen::sym::Graph;
+use regen_codegen::sym::eval::Evaluator;
 
 /// The largest number of closed states that are proposed.
 const MAX_PROPOSALS: usize = 3;
@@ -33,28 +36,46 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
     let _ = Symbols::new(&mut g, model);
     let frames = Frames::new(&mut g, model, Geometry::Values);
     let world = world_equations(&mut g, &frames, model, None);
+    let mut cosines = Vec::new();
+    for cut in &model.cuts {
+        cosines.extend(agreement(&mut g, &frames, model, cut));
+    }
+    // rows of cuts vanish a half turn away too, where the robot cannot be
+    let cosines = Evaluator::new(&g, cosines);
+    let is_turned = |q: &[f64]| cosines.run(q).iter().any(|cosine| *cosine < 0.5);
     let loops = NumericLoops::new(&g, &world, model);
+    let elsewhere = || closed_elsewhere(&loops, model, &is_turned);
     let names = |which: Vec<usize>| -> Vec<String> {
         let coordinates = which.into_iter().filter_map(|c| model.coordinates.get(c));
         coordinates.map(|c| c.name.clone()).collect()
     };
     match close_home(&loops, model) {
-        Ok(_) => Ok(Verdict::Valid),
+        Ok(home) if !is_turned(&home) => Ok(Verdict::Valid),
         Err(HomeProblem::Mobility {
             mobility, choice, ..
         }) if mobility > 0 => Ok(Verdict::Choose(names(choice))),
         Err(HomeProblem::NotIndependent { choice, .. }) => Ok(Verdict::Choose(names(choice))),
-        Err(problem) => {
+        problem => {
             let (message, hint) = match &problem {
-                HomeProblem::NotClosed { near, .. } => {
-                    let found = if near.is_empty() {
-                        closed_elsewhere(&loops, model)
-                    } else {
-                        near.clone()
-                    };
-                    not_closed(&mechanism, &problem, &found, home_option)
+                Ok(_) => {
+                    let message = "the loops close with a half turn between the frames of a cut";
+                    let hint = "turn one of the frames of the cut".to_owned();
+                    let states = elsewhere();
+                    (
+                        message.to_owned(),
+                        closing(&states, model, home_option).unwrap_or(hint),
+                    )
                 }
-                HomeProblem::Singular { remedy, .. } => {
+                Err(HomeProblem::NotClosed { near, .. }) => {
+                    let mut found = near.clone();
+                    found.retain(|state| !is_turned(state));
+                    if found.is_empty() {
+                        found = elsewhere();
+                    }
+                    let (message, hint) = described(&mechanism, &problem);
+                    (message, closing(&found, model, home_option).unwrap_or(hint))
+                }
+                Err(HomeProblem::Singular { remedy, .. }) => {
                     let (message, hint) = described(&mechanism, &problem);
                     let hint = remedy.as_ref().map_or(hint, |remedy| {
                         let home = values(model, &remedy.home);
@@ -79,7 +100,11 @@ const STEPS: usize = 100;
 
 /// A closed state with whatever values of all coordinates, of those found the closest to 0: a file states no
 /// home, so that its motors are at 0 for no reason.
-fn closed_elsewhere(loops: &NumericLoops<'_>, model: &Model) -> Vec<Vec<f64>> {
+fn closed_elsewhere(
+    loops: &NumericLoops<'_>,
+    model: &Model,
+    is_turned: &dyn Fn(&[f64]) -> bool,
+) -> Vec<Vec<f64>> {
     const STARTS: u32 = 300;
     /// The number of multiplications that the search may take, about 3 s.
     const MAX_WORK: f64 = 2e9;
@@ -97,6 +122,9 @@ fn closed_elsewhere(loops: &NumericLoops<'_>, model: &Model) -> Vec<Vec<f64>> {
     let starts = (0..STARTS).take_while(|start| f64::from(*start) * of_start < MAX_WORK);
     let states = starts.filter_map(|start| {
         let q = closed_from((0..count).map(|k| spread(start, k)).collect(), loops)?;
+        if is_turned(&q) {
+            return None;
+        }
         let farthest = q.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         Some((farthest, q))
     });
@@ -180,30 +208,19 @@ fn solved(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
     x.iter().all(|x| x.is_finite()).then_some(x)
 }
 
-/// The message and the hint for loops that do not close: the gaps of the cuts, and values from which
-/// the loops close.
-fn not_closed(
-    mechanism: &Mechanism,
-    problem: &HomeProblem,
-    near: &[Vec<f64>],
-    home_option: &str,
-) -> (String, String) {
-    let (message, hint) = described(mechanism, problem);
-    let states = near.iter().take(MAX_PROPOSALS);
-    let states =
-        states.map(|state| format!("`{home_option} {}`", values(mechanism.model(), state)));
+/// The hint that names closed states; `None` without any.
+fn closing(states: &[Vec<f64>], model: &Model, home_option: &str) -> Option<String> {
+    let states = states.iter().take(MAX_PROPOSALS);
+    let states = states.map(|state| format!("`{home_option} {}`", values(model, state)));
     let states: Vec<String> = states.collect();
-    if states.is_empty() {
-        return (message, hint);
-    }
-    (
-        message,
-        format!("the loops close from {}", states.join(", or ")),
-    )
+    (!states.is_empty()).then(|| format!("the loops close from {}", states.join(", or ")))
 }
 
 /// The message and the hint of a problem at home, as for a spec.
-fn described(mechanism: &Mechanism, problem: &HomeProblem) -> (String, String) {
+fn described(mechanism: &Mechanism, problem: &Result<Vec<f64>, HomeProblem>) -> (String, String) {
+    let Err(problem) = problem else {
+        return Default::default();
+    };
     let report = mechanism.report(problem);
     let first = report.diagnostics.into_iter().next();
     first.map_or_else(Default::default, |d| {
@@ -244,6 +261,25 @@ cuts:
   - {name: pin, joint: revolute, between: [{body: 1, xyz: [1, 0, 0]}, {body: 2, xyz: [1, 0, 0]}]}
 home: {q1: pi/3, q2: 2*pi/3}
 ";
+
+    #[test]
+    fn loops_with_rows_that_depend_on_each_other_close_from_afar() {
+        let mechanism = Mechanism::open(&Source::new("triangle", TRIANGLE)).unwrap();
+        let model = mechanism.model();
+        let mut g = Graph::new();
+        let _ = Symbols::new(&mut g, model);
+        let frames = Frames::new(&mut g, model, Geometry::Values);
+        let world = world_equations(&mut g, &frames, model, None);
+        let loops = NumericLoops::new(&g, &world, model);
+        let q = closed_from(vec![2.9, 0.4], &loops).unwrap();
+        // an equilateral triangle, above the base or below it
+        let third = std::f64::consts::FRAC_PI_3;
+        assert!((q[0].cos() - 0.5).abs() < 1e-9, "{q:?}");
+        assert!((q[1].cos() + 0.5).abs() < 1e-9, "{q:?}");
+        let found = closed_elsewhere(&loops, model, &|_| false);
+        assert!((found[0][0].abs() - third).abs() < 1e-9, "{found:?}");
+        assert!(closed_elsewhere(&loops, model, &|_| true).is_empty());
+    }
 
     #[test]
     fn a_mechanism_that_cannot_move_has_no_choice_of_coordinates() {

@@ -2,7 +2,7 @@
 //! five-bar are the same robot.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use crate::common::{assert_has, imported, imported_with, notes, parsed, refused};
+use crate::common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
 use regen_codegen::base::Term;
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{BaseSource, derive_with};
@@ -135,6 +135,55 @@ fn each_way_to_close_a_loop_in_urdf_is_a_cut() {
     ] {
         assert_has(&refused(&five_bar(wrong)), complaint);
     }
+}
+
+#[test]
+fn closed_states_are_proposed_that_the_spec_may_start_from() {
+    // a rigid closure in a plane, whose rows depend on each other, out of reach where the motors are at 0
+    let closing = "<link name=\"socket\"/><joint name=\"p3\" type=\"continuous\"><parent link=\"d\"/>\
+                   <child link=\"socket\"/><origin xyz=\"0.1 0 0\"/><axis xyz=\"0 1 0\"/></joint>\
+                   <constraint name=\"tip\" type=\"fixed\"><parent link=\"b\"/><parent_origin xyz=\"0.1 0 0\"/>\
+                   <child link=\"socket\"/></constraint>";
+    let text = five_bar(closing).replace(
+        "xyz=\"0.3 0 0\" rpy=\"0 -1.1 0\"",
+        "xyz=\"0.5 0 0\" rpy=\"0 1.1 0\"",
+    );
+    let motors = Options {
+        actuated: vec!["q1".to_owned(), "q2".to_owned()],
+        ..Options::default()
+    };
+    let complaint = refused_with(&text, &motors);
+    assert_has(&complaint, "the loops close from `home ");
+    let home = complaint.split("`home ").nth(1).unwrap();
+    let home = home[..home.find('`').unwrap()].split(',');
+    let options = Options {
+        home: home.map(str::to_owned).collect(),
+        ..motors
+    };
+    assert!(!options.home.is_empty(), "{complaint}");
+    let spec = imported_with(&text, &options).spec;
+    // no half turn, no other mobility
+    let robot = derive_with(&Source::new("spec.yaml", spec.as_str()), BaseSource::Skip);
+    assert_eq!(
+        robot
+            .unwrap_or_else(|e| panic!("{e}\n{spec}"))
+            .independent
+            .len(),
+        2
+    );
+}
+
+#[test]
+fn axes_that_point_apart_are_those_of_the_same_hinge() {
+    let constraint = |axis: &str| {
+        let text = format!(
+            "<constraint name=\"tip\" type=\"revolute\"><parent link=\"b\"/><parent_origin xyz=\"0.35 0 0\"/>\
+             <parent_axis xyz=\"0 1 0\"/><child link=\"d\"/><child_origin xyz=\"0.35 0 0\"/>\
+             <child_axis xyz=\"{axis}\"/></constraint>"
+        );
+        imported(&five_bar(&text)).spec
+    };
+    assert_eq!(constraint("0 -1 0"), constraint("0 1 0"));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::fields::Fields;
 use crate::frames::axis_vector;
 use crate::log::Place;
-use crate::pose::{Pose, V3, cross, dot, norm, times};
+use crate::pose::{Pose, V3, cross, dot, norm, scaled, times};
 use crate::sdf;
 use crate::tree::{Coupling, Joint, Kind, LoopCut, Side, Spring, Tree};
 use crate::xml::{Attribute, Element, Reader};
@@ -174,7 +174,13 @@ fn closure(element: &Element, tree: &Tree, fields: &mut Fields<'_>) -> Option<Lo
             }
             (kind, [first.with_axis('x', a), second.with_axis('y', b)])
         }
-        Some([a, b]) => (kind, [first.with_axis('z', a), second.with_axis('z', b)]),
+        Some([a, b]) => {
+            // axes that point apart where the file draws them are those of the same hinge too
+            let [x, y] = [(first, a), (second, b)]
+                .map(|(side, axis)| times(&tree.at_zero(side.link).then(&side.pose).r, axis));
+            let b = if dot(x, y) < 0.0 { scaled(b, -1.0) } else { b };
+            (kind, [first.with_axis('z', a), second.with_axis('z', b)])
+        }
         None => {
             let text = format!(
                 "the {kind} closure '{name}' states no axis, and its links turn about different ones: only \
