@@ -474,7 +474,12 @@ impl<'a> Reading<'a, '_, '_> {
             let item = format!("'{name}'");
             self.fields.log.note_each(link.place, text, &item);
         }
-        let (frame, _) = inertial.map_or((Pose::default(), None), |i| pose(i, self.fields));
+        let (frame, said) = inertial.map_or((Pose::default(), None), |i| pose(i, self.fields));
+        if let Some(said) = said {
+            let hint = "the pose of <inertial> is given in the frame of its link";
+            let message = "an inertial pose relative to another frame";
+            self.fields.log.error(said.place, message, hint);
+        }
         if mass < 0.0 {
             let hint = "a mass is zero or above";
             self.fields.log.error(link.place, "a negative mass", hint);
@@ -489,7 +494,10 @@ impl<'a> Reading<'a, '_, '_> {
 }
 
 /// The pose of an element, and the name that it is relative to.
-fn pose<'e>(element: &'e Element, fields: &mut Fields<'_>) -> (Pose, Option<&'e Attribute>) {
+pub(crate) fn pose<'e>(
+    element: &'e Element,
+    fields: &mut Fields<'_>,
+) -> (Pose, Option<&'e Attribute>) {
     let Some(given) = element.child("pose") else {
         return (Pose::default(), None);
     };

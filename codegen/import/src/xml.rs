@@ -303,7 +303,11 @@ impl Walk<'_> {
         let mut written = node.children().filter(roxmltree::Node::is_text);
         let content = written.find_map(|node| {
             let value = node.text()?.trim();
-            (!value.is_empty()).then(|| attribute(&tag, value, node.range()))
+            // without the blanks around it
+            let raw = text.get(node.range())?;
+            let start = node.range().start + raw.len() - raw.trim_start().len();
+            let range = start..start + raw.trim().len();
+            (!value.is_empty()).then(|| attribute(&tag, value, range))
         });
         let mut children = Vec::new();
         for child in node.children().filter(roxmltree::Node::is_element) {

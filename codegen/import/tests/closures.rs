@@ -6,7 +6,7 @@ use crate::common::{assert_has, imported, imported_with, notes, parsed, refused,
 use regen_codegen::base::Term;
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{BaseSource, derive_with};
-use regen_import::{Options, import};
+use regen_import::{BodyParameters, JointParameters, Options, Parameters, export, import};
 
 /// The links of a five-bar in the plane of x and z, with their first joints' places.
 const LINKS: [(&str, f64, f64); 4] = [
@@ -632,4 +632,95 @@ fn gearboxes_and_mimics_of_sdf_are_couplings() {
         .replace(last, &format!("<child>c</child>{mimic}"))
         .replace("<link name=\"e\"/>", "");
     assert_has(&imported(&text).spec, "couplings:\n  q2: 2*q1 - 0.5\n");
+}
+
+#[test]
+fn values_go_back_into_files_with_loops_and_come_out_again() {
+    let closing = "<constraint name=\"tip\" type=\"revolute\"><parent link=\"b\"/><parent_origin xyz=\"0.35 0 0\"/>\
+                   <child link=\"d\"/><child_origin xyz=\"0.35 0 0\"/></constraint>";
+    let turned = five_bar_in_sdf().replacen("0.1 0 0.01 0 0 0", " 0.1 0 0.01  0 0 1.5707963267948966 ", 1);
+    for (text, is_sdf) in [
+        (five_bar(closing), false),
+        (five_bar_in_sdf(), true),
+        (turned, true),
+    ] {
+        let spec = imported(&text).spec;
+        let file = Source::new("robot.xml", text.as_str());
+        let a = BodyParameters {
+            mass: 0.55,
+            com: [0.11, 0.001, 0.012],
+            inertia: [0.003, 0.0001, 0.0002, 0.021, 0.0003, 0.022],
+        };
+        let q1 = JointParameters {
+            viscous: Some(0.7),
+            coulomb: Some(0.3),
+            stiffness: is_sdf.then_some(4.0),
+            ..JointParameters::default()
+        };
+        let fit = Parameters {
+            bodies: vec![("a".to_owned(), a)],
+            joints: vec![("q1".to_owned(), q1)],
+        };
+        let given = Source::new("fit", "\"a\" \"q1\"");
+        let mut none = |_: &str| Err("there is none".to_owned());
+        let source = Source::new("spec.yaml", spec.as_str());
+        let out =
+            export(&file, &mut none, &source, &given, &fit).unwrap_or_else(|e| panic!("{e:?}"));
+        assert_eq!(out.values, if is_sdf { 13 } else { 12 });
+        let again = imported(&out.text).spec;
+        assert_has(&again, "friction: linear");
+        assert_has(&again, "Fv: 0.7, Fc: 0.3");
+        assert_eq!(again.contains("K: 4"), is_sdf);
+        // the loop, and all else of other bodies, is as before
+        assert_eq!(cuts(&again), cuts(&spec));
+        let line = |spec: &str, name: &str| {
+            let line = spec
+                .lines()
+                .find(|line| line.starts_with(&format!("  {name}: {{mass")));
+            line.unwrap_or_else(|| panic!("{spec}")).to_owned()
+        };
+        for other in ["b", "c", "d"] {
+            assert_eq!(line(&again, other), line(&spec, other));
+        }
+        let numbers = |line: &str| -> Vec<f64> {
+            let separated = line.replace(['[', ']', '{', '}', ','], " ");
+            separated
+                .split_whitespace()
+                .filter_map(|word| word.parse().ok())
+                .collect()
+        };
+        let expected = [&[a.mass][..], &a.com, &a.inertia].concat();
+        for (x, y) in numbers(&line(&again, "a")).iter().zip(&expected) {
+            assert!((x - y).abs() < 1e-12, "{x} {y}\n{}", out.text);
+        }
+        assert_eq!(numbers(&line(&again, "a")).len(), 10);
+    }
+    let auto = five_bar_in_sdf().replacen(
+        "<inertial><pose>0.1",
+        "<inertial auto=\"true\"><pose>0.1",
+        1,
+    );
+    let source = Source::new("spec.yaml", imported(&five_bar_in_sdf()).spec);
+    let fit = Parameters {
+        bodies: vec![(
+            "a".to_owned(),
+            BodyParameters {
+                mass: 1.0,
+                com: [0.0; 3],
+                inertia: [1.0, 0.0, 0.0, 1.0, 0.0, 1.0],
+            },
+        )],
+        joints: Vec::new(),
+    };
+    let mut none = |_: &str| Err("there is none".to_owned());
+    let given = Source::new("fit", "\"a\"");
+    let refused = export(
+        &Source::new("robot.xml", auto),
+        &mut none,
+        &source,
+        &given,
+        &fit,
+    );
+    let complaint = refused.unwrap_err()[0].to_string();
+    assert_has(&complaint, "the inertia of 'a' has auto=\"true\"");
 }
