@@ -1,4 +1,4 @@
-//! Import of robot files from other tools, URDF and MJCF, as specs, and export of identified
+//! Import of robot files from other tools, URDF, SDF and MJCF, as specs, and export of identified
 //! parameters to them.
 //!
 //! [`import`] converts the text of a file into the text of a spec: with the file's names, limits,
@@ -153,7 +153,7 @@ pub struct Imported {
     pub notes: Vec<Note>,
 }
 
-/// Converts a URDF or MJCF file into a spec. `reader` returns the bytes of included files and of
+/// Converts a URDF, SDF or MJCF file into a spec. `reader` returns the bytes of included files and of
 /// meshes whose volume is needed, by the names given in the file.
 ///
 /// # Errors

@@ -31,7 +31,14 @@ pub(crate) const ROWS: &[Row] = &[
     Row::whole("atmosphere", "*"),
     Row::whole("wind", "*"),
     Row::whole("state", "*"),
-    Row::parts("model", "self_collide enable_wind allow_auto_disable"),
+    Row::parts(
+        "model",
+        "self_collide enable_wind allow_auto_disable canonical_link static",
+    ),
+    Row::parts(
+        "joint",
+        "thread_pitch screw_thread_pitch gearbox_ratio gearbox_reference_body",
+    ),
     Row::parts("link", "self_collide enable_wind must_be_base_link"),
     Row::parts("world", "name"),
     Row::parts("limit", "stiffness dissipation"),
@@ -774,6 +781,21 @@ impl<'e> SdfJoint<'e> {
         parts
     }
 
+    /// Notes what a cut has not.
+    fn note_cut(&self, fields: &mut Fields<'_>) {
+        let text = "joints that close loops have no coordinate, friction or limits in the spec: {}";
+        let place = self.element.place;
+        fields.log.note_each(place, text, &self.name);
+        if !self.mimics.is_empty() {
+            let hint = "let another joint of the loop follow";
+            let message = format!(
+                "'{}' closes a loop, and cannot follow another joint",
+                self.name
+            );
+            fields.log.error(place, message, hint);
+        }
+    }
+
     /// The cut that the joint is between two links of a tree.
     fn cut(&self, links: [Option<usize>; 2]) -> LoopCut {
         let kind = match self.kind {
@@ -944,5 +966,6 @@ pub(crate) fn closure(element: &Element, tree: &Tree, fields: &mut Fields<'_>) -
         fields.log.error(element.place, message, hint);
         return None;
     }
+    joint.note_cut(fields);
     Some(joint.cut(joint.links))
 }

@@ -155,6 +155,12 @@ impl<'a> Reporter<'a> {
         let tag = &element.tag;
         let row = self.row(tag).filter(|row| row.is_idle);
         if let Some(row) = row {
+            if let Some(name) = tying_plugin(element) {
+                let text =
+                    "a plugin that may tie joints together is not read (check the couplings): {}";
+                self.log.note_each(element.place, text, name);
+                return;
+            }
             self.idle(element.place, &format!("<{tag}>"));
             if row.idle != "*" {
                 self.foreign(element, row);
@@ -225,6 +231,26 @@ impl<'a> Reporter<'a> {
 fn unread(element: &Element) -> impl Iterator<Item = &Attribute> {
     let attributes = element.attributes.iter();
     attributes.filter(|a| !a.used.is_marked() && !a.name.starts_with("xmlns"))
+}
+
+/// The file or the name of a simulator's plugin that tells of ties between joints.
+fn tying_plugin(element: &Element) -> Option<&str> {
+    const TIES: [&str; 7] = [
+        "mimic",
+        "loop",
+        "constraint",
+        "coupl",
+        "gear",
+        "belt",
+        "differential",
+    ];
+    let names = element.attributes.iter().map(|a| a.value.as_str());
+    let ties = |name: &str| {
+        let name = name.to_ascii_lowercase();
+        TIES.iter().any(|part| name.contains(part))
+    };
+    let mut names = names.filter(|_| element.tag == "plugin");
+    names.find(|name| ties(name))
 }
 
 fn is_kinematic(name: &str) -> bool {

@@ -107,6 +107,15 @@ impl Element {
 /// Reads a file's root element; `None` if an error was recorded.
 pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
     let file = log.add(source.clone());
+    if ["#usda", "PXR-USDC"]
+        .iter()
+        .any(|start| source.text.starts_with(start))
+    {
+        let place = Place::new(file, Span::new(0, 5));
+        let hint = "export the robot as URDF, SDF or MJCF: no maintained Rust library reads the physics of USD";
+        log.error(place, "a USD file, which is not read", hint);
+        return None;
+    }
     if let Some((at, message)) = excess(&source.text) {
         let place = Place::new(file, Span::new(at, at + 1));
         log.error(place, message, "no robot file needs as many");

@@ -17,7 +17,7 @@ const LINKS: [(&str, f64, f64); 4] = [
 ];
 
 /// A five-bar in URDF, opened at its tip.
-fn five_bar(rest: &str) -> String {
+pub(crate) fn five_bar(rest: &str) -> String {
     let links = LINKS.map(|(name, x, mass)| {
         format!(
             "<link name=\"{name}\"><inertial><origin xyz=\"{x} 0 0.01\"/><mass value=\"{mass}\"/>\
@@ -447,7 +447,7 @@ fn a_flag_that_disables_equalities_takes_them_out() {
 }
 
 /// The five-bar in SDF, with poses relative to whatever is convenient.
-fn five_bar_in_sdf() -> String {
+pub(crate) fn five_bar_in_sdf() -> String {
     let links = LINKS.map(|(name, x, mass)| {
         let (around, pose) = match name {
             "a" => ("ground", "0 0 0 0 -2 0"),
@@ -638,7 +638,11 @@ fn gearboxes_and_mimics_of_sdf_are_couplings() {
 fn values_go_back_into_files_with_loops_and_come_out_again() {
     let closing = "<constraint name=\"tip\" type=\"revolute\"><parent link=\"b\"/><parent_origin xyz=\"0.35 0 0\"/>\
                    <child link=\"d\"/><child_origin xyz=\"0.35 0 0\"/></constraint>";
-    let turned = five_bar_in_sdf().replacen("0.1 0 0.01 0 0 0", " 0.1 0 0.01  0 0 1.5707963267948966 ", 1);
+    let turned = five_bar_in_sdf().replacen(
+        "0.1 0 0.01 0 0 0",
+        " 0.1 0 0.01  0 0 1.5707963267948966 ",
+        1,
+    );
     for (text, is_sdf) in [
         (five_bar(closing), false),
         (five_bar_in_sdf(), true),
