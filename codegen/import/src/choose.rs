@@ -42,9 +42,10 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
     }
     // rows of cuts vanish a half turn away too, where the robot cannot be
     let cosines = Evaluator::new(&g, cosines);
-    let is_turned = |q: &[f64]| cosines.run(q).iter().any(|cosine| *cosine < 0.5);
+    let cosines = |q: &[f64]| cosines.run(q);
+    let is_turned = |q: &[f64]| cosines(q).into_iter().any(is_half_turn);
     let loops = NumericLoops::new(&g, &world, model);
-    let elsewhere = || closed_elsewhere(&loops, model, &is_turned);
+    let elsewhere = || closed_elsewhere(&loops, model, &cosines);
     let names = |which: Vec<usize>| -> Vec<String> {
         let coordinates = which.into_iter().filter_map(|c| model.coordinates.get(c));
         coordinates.map(|c| c.name.clone()).collect()
@@ -97,13 +98,23 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
 
 /// The number of steps by which a search for a closed state ends.
 const STEPS: usize = 100;
+/// The largest gap of a closed state, in the mechanism's units.
+const CLOSED: f64 = 1e-11;
+
+/// Whether this cosine of a cut tells of a half turn between its frames.
+fn is_half_turn(cosine: f64) -> bool {
+    cosine < 0.5
+}
 
 /// A closed state with whatever values of all coordinates, of those found the closest to 0: a file states no
-/// home, so that its motors are at 0 for no reason.
+/// home, so that its motors are at 0 for no reason. Loops without a coordinate in common are closed one by
+/// one.
+///
+/// - `cosines`: those of the cuts, which tell half turns.
 fn closed_elsewhere(
     loops: &NumericLoops<'_>,
     model: &Model,
-    is_turned: &dyn Fn(&[f64]) -> bool,
+    cosines: &dyn Fn(&[f64]) -> Vec<f64>,
 ) -> Vec<Vec<f64>> {
     const STARTS: u32 = 300;
     /// The number of multiplications that the search may take, about 3 s.
@@ -117,29 +128,93 @@ fn closed_elsewhere(
         let width = std::f64::consts::PI * f64::from(start) / f64::from(STARTS);
         (2.0 * (turns - libm::floor(turns)) - 1.0) * width
     };
-    let rows = loops.units().rows.len() as f64;
-    let of_start = STEPS as f64 * rows * rows * (rows + count as f64);
-    let starts = (0..STARTS).take_while(|start| f64::from(*start) * of_start < MAX_WORK);
-    let states = starts.filter_map(|start| {
-        let q = closed_from((0..count).map(|k| spread(start, k)).collect(), loops)?;
-        if is_turned(&q) {
-            return None;
+    let zero = vec![0.0; count];
+    let mut home = zero.clone();
+    let generic: Vec<f64> = (0..count).map(|k| spread(STARTS / 2, k)).collect();
+    for part in parts(loops, &generic) {
+        let at = |start: u32| {
+            let mut q = zero.clone();
+            for c in &part.coordinates {
+                q[*c] = spread(start, *c);
+            }
+            q
+        };
+        // the cosines of the part's own cuts move with its coordinates
+        let apart = cosines(&zero).into_iter().zip(cosines(&at(STARTS / 2)));
+        let own: Vec<bool> = apart.map(|(still, moved)| still != moved).collect();
+        let is_turned = |q: &[f64]| {
+            let mut all = cosines(q).into_iter().zip(&own);
+            all.any(|(cosine, own)| *own && is_half_turn(cosine))
+        };
+        let rows = part.rows.len() as f64;
+        let of_start = STEPS as f64 * rows * rows * (rows + part.coordinates.len() as f64);
+        let starts = (0..STARTS).take_while(|start| f64::from(*start) * of_start < MAX_WORK);
+        let states = starts.filter_map(|start| {
+            let q = closed_from(at(start), loops, &part)?;
+            let farthest = q.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            (!is_turned(&q)).then_some((farthest, q))
+        });
+        let closest = states.take(ENOUGH).min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, q)) = closest else {
+            return Vec::new();
+        };
+        for c in part.coordinates {
+            home[c] = q[c];
         }
-        let farthest = q.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-        Some((farthest, q))
-    });
-    let closest = states.take(ENOUGH).min_by(|a, b| a.0.total_cmp(&b.0));
-    closest.map(|(_, state)| state).into_iter().collect()
+    }
+    let is_closed = loops.normal(&home).0.iter().all(|x| x.abs() <= CLOSED);
+    is_closed.then_some(home).into_iter().collect()
+}
+
+/// Rows of the loops with the coordinates on which they depend.
+struct LoopPart {
+    rows: Vec<usize>,
+    coordinates: Vec<usize>,
+}
+
+/// The parts of the loops that share no coordinate, as they depend on each other at this state.
+fn parts(loops: &NumericLoops<'_>, q: &[f64]) -> Vec<LoopPart> {
+    let (_, a) = loops.normal(q);
+    let mut parts: Vec<LoopPart> = Vec::new();
+    for (i, row) in a.iter().enumerate() {
+        let depends = |c: &usize| row[*c] != 0.0;
+        let mut own = LoopPart {
+            rows: vec![i],
+            coordinates: (0..q.len()).filter(depends).collect(),
+        };
+        // rows out of a plane always hold
+        if own.coordinates.is_empty() {
+            continue;
+        }
+        let (joined, apart): (Vec<_>, Vec<_>) = parts
+            .into_iter()
+            .partition(|part| part.coordinates.iter().any(|c| own.coordinates.contains(c)));
+        for part in joined {
+            own.rows.extend(part.rows);
+            own.coordinates.extend(part.coordinates);
+        }
+        own.coordinates.sort_unstable();
+        own.coordinates.dedup();
+        parts = apart;
+        parts.push(own);
+    }
+    parts
 }
 
 /// The closed state that damped least squares (Levenberg and Marquardt) reach from a start; `None` if they
 /// reach none. Rows may depend on each other, as those of rigid cuts in planar loops do.
-fn closed_from(mut q: Vec<f64>, loops: &NumericLoops<'_>) -> Option<Vec<f64>> {
-    /// Largest remaining gap in the mechanism's units.
-    const CLOSED: f64 = 1e-11;
+fn closed_from(mut q: Vec<f64>, loops: &NumericLoops<'_>, part: &LoopPart) -> Option<Vec<f64>> {
     let sum = |f: &[f64]| f.iter().map(|x| x * x).sum::<f64>();
     let units = &loops.units().coordinates;
-    let (mut f, mut a) = loops.normal(&q);
+    let normal = |q: &[f64]| {
+        let (f, a) = loops.normal(q);
+        let rows = || part.rows.iter();
+        let own = |row: &usize| part.coordinates.iter().map(|c| a[*row][*c]).collect();
+        let f: Vec<f64> = rows().map(|row| f[*row]).collect();
+        let a: Vec<Vec<f64>> = rows().map(own).collect();
+        (f, a)
+    };
+    let (mut f, mut a) = normal(&q);
     let mut damping = 1e-2;
     for _ in 0..STEPS {
         if f.iter().all(|x| x.abs() <= CLOSED) {
@@ -159,13 +234,12 @@ fn closed_from(mut q: Vec<f64>, loops: &NumericLoops<'_>) -> Option<Vec<f64>> {
             })
             .collect();
         let y = solved(&mut rows)?;
-        let next: Vec<f64> = (0..q.len())
-            .map(|c| {
-                let along: f64 = a.iter().zip(&y).map(|(row, y)| row[c] * y).sum();
-                q[c] - along * units[c]
-            })
-            .collect();
-        let (after, jacobian) = loops.normal(&next);
+        let mut next = q.clone();
+        for (k, c) in part.coordinates.iter().enumerate() {
+            let along: f64 = a.iter().zip(&y).map(|(row, y)| row[k] * y).sum();
+            next[*c] -= along * units[*c];
+        }
+        let (after, jacobian) = normal(&next);
         if sum(&after) < sum(&f) {
             (q, f, a) = (next, after, jacobian);
             damping = (damping * 0.2).max(1e-14);
@@ -271,14 +345,17 @@ home: {q1: pi/3, q2: 2*pi/3}
         let frames = Frames::new(&mut g, model, Geometry::Values);
         let world = world_equations(&mut g, &frames, model, None);
         let loops = NumericLoops::new(&g, &world, model);
-        let q = closed_from(vec![2.9, 0.4], &loops).unwrap();
+        let parts = parts(&loops, &[0.3, 0.7]);
+        assert_eq!(parts.len(), 1);
+        let q = closed_from(vec![2.9, 0.4], &loops, &parts[0]).unwrap();
         // an equilateral triangle, above the base or below it
         let third = std::f64::consts::FRAC_PI_3;
         assert!((q[0].cos() - 0.5).abs() < 1e-9, "{q:?}");
         assert!((q[1].cos() + 0.5).abs() < 1e-9, "{q:?}");
-        let found = closed_elsewhere(&loops, model, &|_| false);
+        let found = closed_elsewhere(&loops, model, &|_| vec![1.0]);
         assert!((found[0][0].abs() - third).abs() < 1e-9, "{found:?}");
-        assert!(closed_elsewhere(&loops, model, &|_| true).is_empty());
+        let turned = |q: &[f64]| vec![q[0].sin() - 9.0];
+        assert!(closed_elsewhere(&loops, model, &turned).is_empty());
     }
 
     #[test]
