@@ -112,7 +112,8 @@ fn refuse_includes(around: &Element, fields: &mut Fields<'_>) {
             .content_of("uri")
             .map_or("", |uri| uri.value.as_str());
         let message = format!("the model '{uri}' is in another file");
-        let hint = "write all into one file first: gz sdf -p FILE.sdf > WHOLE.sdf";
+        let hint = "write all into one file first (gz sdf -p FILE.sdf > WHOLE.sdf), or --ignore include if it is no \
+                    part of the robot";
         fields.log.error(include.place, message, hint);
     }
 }
@@ -418,7 +419,9 @@ impl<'a> Reading<'a, '_, '_> {
                 reached[root] = true;
                 order.push((root, None));
                 if !is_static {
-                    let text = format!("nothing fixes '{name}' to the world: it is taken as fixed");
+                    let text = format!(
+                        "nothing fixes '{name}' to the world: it is taken as fixed, unless its base floats"
+                    );
                     self.fields.log.note(link.place, text);
                 }
             }
