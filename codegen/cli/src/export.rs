@@ -1,4 +1,4 @@
-//! `regen export`: writes identified parameters into a URDF or MJCF file.
+//! `regen export`: writes identified parameters into a URDF, SDF or MJCF file.
 
 use std::path::Path;
 
@@ -23,6 +23,8 @@ struct Exported<'a> {
     urdf: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mjcf: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sdf: Option<&'a str>,
 }
 
 /// Runs the command.
@@ -63,6 +65,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
                 values,
                 urdf: text(FileFormat::Urdf),
                 mjcf: text(FileFormat::Mjcf),
+                sdf: text(FileFormat::Sdf),
                 written: written.clone(),
             })
         }

@@ -1,4 +1,4 @@
-//! `regen import`: converts URDF and MJCF files to specs.
+//! `regen import`: converts URDF, SDF and MJCF files to specs.
 
 use std::fs;
 
@@ -44,6 +44,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
         cuts: args.cuts.clone(),
         actuated: args.actuated.clone(),
         home: args.home.clone(),
+        ignore: args.ignore.clone(),
         names: OptionNames {
             cuts: "--cut",
             actuated: "--actuated",
@@ -51,6 +52,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
             lock: "--lock",
             base: "--base",
             geared: "--geared",
+            ignore: "--ignore",
         },
     };
     let mut imported = regen_import::import(&source, &mut reader, &options)

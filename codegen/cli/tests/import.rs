@@ -70,7 +70,7 @@ fn the_json_has_the_spec_and_the_notes_with_their_places() {
     let json = regen(&dir, &args).ended(0).json();
     assert_eq!(json["robot"], "my_arm");
     assert!(json["spec"].as_str().unwrap().contains("name: my_arm\n"));
-    let note = &json["notes"][3];
+    let note = &json["notes"][4];
     assert_eq!(
         (note["line"].as_u64(), note["column"].as_u64()),
         (Some(173), Some(22))
@@ -320,5 +320,59 @@ fn friction_and_rotors_are_added_on_request() {
     let labels = base["parameters"].as_array().unwrap();
     for label in ["Fv(wrist_3_joint)", "Fc(wrist_3_joint)", "J(wrist_3_joint)"] {
         assert!(labels.iter().any(|own| own == label), "{label}");
+    }
+}
+
+/// Whatever may tie links together is in the spec, in a note, or refused with the option that helps.
+#[test]
+fn loops_of_a_file_are_cuts_and_unknown_ones_are_refused_with_their_place() {
+    let dir = scratch("import_loops");
+    let link = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><origin xyz=\"0.1 0 0\"/><mass value=\"1\"/>\
+             <inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>"
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, origin: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
+             <origin {origin}/><axis xyz=\"0 1 0\"/></joint>"
+        )
+    };
+    let tree = [
+        "<link name=\"ground\"/>".to_owned(),
+        link("crank"),
+        link("coupler"),
+        link("rocker"),
+        joint("q1", "ground", "crank", ""),
+        joint("q2", "crank", "coupler", "xyz=\"0.2 0 0\" rpy=\"0 -1 0\""),
+        joint("q3", "ground", "rocker", "xyz=\"0.5 0 0\" rpy=\"0 -1.6 0\""),
+    ]
+    .concat();
+    let file = |more: &str| {
+        let text = format!("<robot name=\"r\">\n{tree}\n{more}\n</robot>");
+        fs::write(dir.join("r.urdf"), text).unwrap();
+    };
+    file(
+        "<loop name=\"pin\" type=\"revolute\"><predecessor link=\"coupler\"><origin xyz=\"0.4 0 0\"/></predecessor>\
+         <successor link=\"rocker\"><origin xyz=\"0.4 0 0\"/></successor></loop>",
+    );
+    regen(&dir, &["import", "r.urdf", "--out", "r.yaml"]).ended(0);
+    let info = regen(&dir, &["info", "r.yaml", "--format", "json"]).ended(0);
+    assert_eq!(info.json()["dof"], 1);
+    file("<rope_loop a=\"coupler\" b=\"rocker\"/><colour_of_paint/>");
+    let run = regen(&dir, &["import", "r.urdf"]).ended(3);
+    assert!(run.err.contains("r.urdf:3:1"), "{}", run.err);
+    assert!(
+        run.err.contains("`--ignore rope_loop` leaves it out"),
+        "{}",
+        run.err
+    );
+    let run = regen(&dir, &["import", "r.urdf", "--ignore", "rope_loop"]).ended(0);
+    for note in [
+        "r.urdf:3:1: left out by --ignore: rope_loop",
+        "r.urdf:3:36: not used in <robot>: <colour_of_paint>",
+    ] {
+        assert!(run.err.contains(note), "{}", run.err);
     }
 }

@@ -162,7 +162,7 @@ const REFUSED: &[(&str, &[&str])] = &[
             "lock zz",
         ],
     ),
-    ("import geared.xml {}", &["geared"]),
+    ("import geared.xml {}", &["geared", "ignore no_such_name"]),
     (
         "excite fivebar.yaml {}",
         &[

@@ -1,12 +1,15 @@
 //! Chooses independent coordinates with the loop closure that the derivation uses.
 
 use regen_codegen::Mechanism;
-use regen_codegen::constraints::{HomeProblem, NumericLoops, close_home, world_equations};
+use regen_codegen::constraints::{
+    HomeProblem, NumericLoops, agreement, close_home, world_equations,
+};
 use regen_codegen::diag::{Diagnostic, Report, Source, Span, rounded};
 use regen_codegen::functions::Symbols;
 use regen_codegen::kinematics::{Frames, Geometry};
 use regen_codegen::model::Model;
 use regen_codegen::sym::Graph;
+use regen_codegen::sym::eval::Evaluator;
 
 /// The largest number of closed states that are proposed.
 const MAX_PROPOSALS: usize = 3;
@@ -33,23 +36,47 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
     let _ = Symbols::new(&mut g, model);
     let frames = Frames::new(&mut g, model, Geometry::Values);
     let world = world_equations(&mut g, &frames, model, None);
+    let mut cosines = Vec::new();
+    for cut in &model.cuts {
+        cosines.extend(agreement(&mut g, &frames, model, cut));
+    }
+    // rows of cuts vanish a half turn away too, where the robot cannot be
+    let cosines = Evaluator::new(&g, cosines);
+    let cosines = |q: &[f64]| cosines.run(q);
+    let is_turned = |q: &[f64]| cosines(q).into_iter().any(is_half_turn);
     let loops = NumericLoops::new(&g, &world, model);
+    let elsewhere = || closed_elsewhere(&loops, model, &cosines);
     let names = |which: Vec<usize>| -> Vec<String> {
         let coordinates = which.into_iter().filter_map(|c| model.coordinates.get(c));
         coordinates.map(|c| c.name.clone()).collect()
     };
     match close_home(&loops, model) {
-        Ok(_) => Ok(Verdict::Valid),
+        Ok(home) if !is_turned(&home) => Ok(Verdict::Valid),
         Err(HomeProblem::Mobility {
             mobility, choice, ..
         }) if mobility > 0 => Ok(Verdict::Choose(names(choice))),
         Err(HomeProblem::NotIndependent { choice, .. }) => Ok(Verdict::Choose(names(choice))),
-        Err(problem) => {
+        problem => {
             let (message, hint) = match &problem {
-                HomeProblem::NotClosed { near, .. } => {
-                    not_closed(&mechanism, &problem, near, home_option)
+                Ok(_) => {
+                    let message = "the loops close with a half turn between the frames of a cut";
+                    let hint = "turn one of the frames of the cut".to_owned();
+                    let states = elsewhere();
+                    (
+                        message.to_owned(),
+                        closing(&states, model, home_option).unwrap_or(hint),
+                    )
                 }
-                HomeProblem::Singular { remedy, .. } => {
+                Err(HomeProblem::NotClosed { near, .. }) => {
+                    let mut found = near.clone();
+                    found.retain(|state| !is_turned(state));
+                    if found.is_empty() {
+                        found = elsewhere();
+                    }
+                    let (message, hint) = described(&mechanism, &problem);
+                    (message, closing(&found, model, home_option).unwrap_or(hint))
+                }
+                Err(HomeProblem::Singular { remedy, .. }) => {
                     let (message, hint) = described(&mechanism, &problem);
                     let hint = remedy.as_ref().map_or(hint, |remedy| {
                         let home = values(model, &remedy.home);
@@ -69,30 +96,205 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
     }
 }
 
-/// The message and the hint for loops that do not close: the gaps of the cuts, and values from which
-/// the loops close.
-fn not_closed(
-    mechanism: &Mechanism,
-    problem: &HomeProblem,
-    near: &[Vec<f64>],
-    home_option: &str,
-) -> (String, String) {
-    let (message, hint) = described(mechanism, problem);
-    let states = near.iter().take(MAX_PROPOSALS);
-    let states =
-        states.map(|state| format!("`{home_option} {}`", values(mechanism.model(), state)));
-    let states: Vec<String> = states.collect();
-    if states.is_empty() {
-        return (message, hint);
+/// The number of steps by which a search for a closed state ends.
+const STEPS: usize = 100;
+/// The largest gap of a closed state, in the mechanism's units.
+const CLOSED: f64 = 1e-11;
+
+/// Whether this cosine of a cut tells of a half turn between its frames.
+fn is_half_turn(cosine: f64) -> bool {
+    cosine < 0.5
+}
+
+/// A closed state with whatever values of all coordinates, of those found the closest to 0: a file states no
+/// home, so that its motors are at 0 for no reason. Loops without a coordinate in common are closed one by
+/// one.
+///
+/// - `cosines`: those of the cuts, which tell half turns.
+fn closed_elsewhere(
+    loops: &NumericLoops<'_>,
+    model: &Model,
+    cosines: &dyn Fn(&[f64]) -> Vec<f64>,
+) -> Vec<Vec<f64>> {
+    const STARTS: u32 = 300;
+    /// The number of multiplications that the search may take, about 3 s.
+    const MAX_WORK: f64 = 2e9;
+    /// States that are enough to choose from.
+    const ENOUGH: usize = 6;
+    let count = model.coordinates.len();
+    // multiples of irrational numbers spread the starts evenly, the later ones wider
+    let spread = |start: u32, k: usize| {
+        let turns = f64::from(start) * libm::sqrt(k as f64 + 2.0);
+        let width = std::f64::consts::PI * f64::from(start) / f64::from(STARTS);
+        (2.0 * (turns - libm::floor(turns)) - 1.0) * width
+    };
+    let zero = vec![0.0; count];
+    let mut home = zero.clone();
+    let generic: Vec<f64> = (0..count).map(|k| spread(STARTS / 2, k)).collect();
+    for part in parts(loops, &generic) {
+        let at = |start: u32| {
+            let mut q = zero.clone();
+            for c in &part.coordinates {
+                q[*c] = spread(start, *c);
+            }
+            q
+        };
+        // the cosines of the part's own cuts move with its coordinates
+        let apart = cosines(&zero).into_iter().zip(cosines(&at(STARTS / 2)));
+        let own: Vec<bool> = apart.map(|(still, moved)| still != moved).collect();
+        let is_turned = |q: &[f64]| {
+            let mut all = cosines(q).into_iter().zip(&own);
+            all.any(|(cosine, own)| *own && is_half_turn(cosine))
+        };
+        let rows = part.rows.len() as f64;
+        let of_start = STEPS as f64 * rows * rows * (rows + part.coordinates.len() as f64);
+        let starts = (0..STARTS).take_while(|start| f64::from(*start) * of_start < MAX_WORK);
+        let states = starts.filter_map(|start| {
+            let q = closed_from(at(start), loops, &part)?;
+            let farthest = q.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            (!is_turned(&q)).then_some((farthest, q))
+        });
+        let closest = states.take(ENOUGH).min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, q)) = closest else {
+            return Vec::new();
+        };
+        for c in part.coordinates {
+            home[c] = q[c];
+        }
     }
-    (
-        message,
-        format!("the loops close from {}", states.join(", or ")),
-    )
+    let is_closed = loops.normal(&home).0.iter().all(|x| x.abs() <= CLOSED);
+    is_closed.then_some(home).into_iter().collect()
+}
+
+/// Rows of the loops with the coordinates on which they depend.
+struct LoopPart {
+    rows: Vec<usize>,
+    coordinates: Vec<usize>,
+}
+
+/// The parts of the loops that share no coordinate, as they depend on each other at this state.
+fn parts(loops: &NumericLoops<'_>, q: &[f64]) -> Vec<LoopPart> {
+    let (_, a) = loops.normal(q);
+    let mut parts: Vec<LoopPart> = Vec::new();
+    for (i, row) in a.iter().enumerate() {
+        let depends = |c: &usize| row[*c] != 0.0;
+        let mut own = LoopPart {
+            rows: vec![i],
+            coordinates: (0..q.len()).filter(depends).collect(),
+        };
+        // rows out of a plane always hold
+        if own.coordinates.is_empty() {
+            continue;
+        }
+        let (joined, apart): (Vec<_>, Vec<_>) = parts
+            .into_iter()
+            .partition(|part| part.coordinates.iter().any(|c| own.coordinates.contains(c)));
+        for part in joined {
+            own.rows.extend(part.rows);
+            own.coordinates.extend(part.coordinates);
+        }
+        own.coordinates.sort_unstable();
+        own.coordinates.dedup();
+        parts = apart;
+        parts.push(own);
+    }
+    parts
+}
+
+/// The closed state that damped least squares (Levenberg and Marquardt) reach from a start; `None` if they
+/// reach none. Rows may depend on each other, as those of rigid cuts in planar loops do.
+fn closed_from(mut q: Vec<f64>, loops: &NumericLoops<'_>, part: &LoopPart) -> Option<Vec<f64>> {
+    let sum = |f: &[f64]| f.iter().map(|x| x * x).sum::<f64>();
+    let units = &loops.units().coordinates;
+    let normal = |q: &[f64]| {
+        let (f, a) = loops.normal(q);
+        let rows = || part.rows.iter();
+        let own = |row: &usize| part.coordinates.iter().map(|c| a[*row][*c]).collect();
+        let f: Vec<f64> = rows().map(|row| f[*row]).collect();
+        let a: Vec<Vec<f64>> = rows().map(own).collect();
+        (f, a)
+    };
+    let (mut f, mut a) = normal(&q);
+    let mut damping = 1e-2;
+    for _ in 0..STEPS {
+        if f.iter().all(|x| x.abs() <= CLOSED) {
+            return Some(q);
+        }
+        // (A A^T + damping) y = f, step = -A^T y
+        let mut rows: Vec<Vec<f64>> = a
+            .iter()
+            .zip(&f)
+            .enumerate()
+            .map(|(i, (row, f))| {
+                let products = a.iter().map(|other| dot(row, other));
+                let mut row: Vec<f64> = products.collect();
+                row[i] += damping;
+                row.push(*f);
+                row
+            })
+            .collect();
+        let y = solved(&mut rows)?;
+        let mut next = q.clone();
+        for (k, c) in part.coordinates.iter().enumerate() {
+            let along: f64 = a.iter().zip(&y).map(|(row, y)| row[k] * y).sum();
+            next[*c] -= along * units[*c];
+        }
+        let (after, jacobian) = normal(&next);
+        if sum(&after) < sum(&f) {
+            (q, f, a) = (next, after, jacobian);
+            damping = (damping * 0.2).max(1e-14);
+        } else {
+            damping *= 6.0;
+            if damping > 1e6 {
+                return None;
+            }
+        }
+    }
+    None
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The solution of a positive definite system, whose right side is the last column; `None` if it is
+/// singular.
+fn solved(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
+    let n = rows.len();
+    for k in 0..n {
+        let (above, below) = rows.split_at_mut(k + 1);
+        let pivot = &above[k];
+        if pivot[k].is_nan() || pivot[k] <= 0.0 {
+            return None;
+        }
+        for row in below {
+            let factor = row[k] / pivot[k];
+            for (entry, own) in row.iter_mut().zip(pivot).skip(k) {
+                *entry -= factor * own;
+            }
+        }
+    }
+    let mut x = vec![0.0; n];
+    for k in (0..n).rev() {
+        let rest = dot(&rows[k][k + 1..n], &x[k + 1..]);
+        x[k] = (rows[k][n] - rest) / rows[k][k];
+    }
+    x.iter().all(|x| x.is_finite()).then_some(x)
+}
+
+/// The hint that names closed states; `None` without any.
+fn closing(states: &[Vec<f64>], model: &Model, home_option: &str) -> Option<String> {
+    let states = states.iter().take(MAX_PROPOSALS);
+    let states = states.map(|state| format!("`{home_option} {}`", values(model, state)));
+    let states: Vec<String> = states.collect();
+    (!states.is_empty()).then(|| format!("the loops close from {}", states.join(", or ")))
 }
 
 /// The message and the hint of a problem at home, as for a spec.
-fn described(mechanism: &Mechanism, problem: &HomeProblem) -> (String, String) {
+fn described(mechanism: &Mechanism, problem: &Result<Vec<f64>, HomeProblem>) -> (String, String) {
+    let Err(problem) = problem else {
+        return Default::default();
+    };
     let report = mechanism.report(problem);
     let first = report.diagnostics.into_iter().next();
     first.map_or_else(Default::default, |d| {
@@ -133,6 +335,28 @@ cuts:
   - {name: pin, joint: revolute, between: [{body: 1, xyz: [1, 0, 0]}, {body: 2, xyz: [1, 0, 0]}]}
 home: {q1: pi/3, q2: 2*pi/3}
 ";
+
+    #[test]
+    fn loops_with_rows_that_depend_on_each_other_close_from_afar() {
+        let mechanism = Mechanism::open(&Source::new("triangle", TRIANGLE)).unwrap();
+        let model = mechanism.model();
+        let mut g = Graph::new();
+        let _ = Symbols::new(&mut g, model);
+        let frames = Frames::new(&mut g, model, Geometry::Values);
+        let world = world_equations(&mut g, &frames, model, None);
+        let loops = NumericLoops::new(&g, &world, model);
+        let parts = parts(&loops, &[0.3, 0.7]);
+        assert_eq!(parts.len(), 1);
+        let q = closed_from(vec![2.9, 0.4], &loops, &parts[0]).unwrap();
+        // an equilateral triangle, above the base or below it
+        let third = std::f64::consts::FRAC_PI_3;
+        assert!((q[0].cos() - 0.5).abs() < 1e-9, "{q:?}");
+        assert!((q[1].cos() + 0.5).abs() < 1e-9, "{q:?}");
+        let found = closed_elsewhere(&loops, model, &|_| vec![1.0]);
+        assert!((found[0][0].abs() - third).abs() < 1e-9, "{found:?}");
+        let turned = |q: &[f64]| vec![q[0].sin() - 9.0];
+        assert!(closed_elsewhere(&loops, model, &turned).is_empty());
+    }
 
     #[test]
     fn a_mechanism_that_cannot_move_has_no_choice_of_coordinates() {

@@ -75,40 +75,51 @@ impl Reading<'_> {
             self.error(*kind, message, &hint);
         }
         let (first, pose) = self.side(*a)?;
-        let pose = pose.unwrap_or_default();
-        let (second, other) = self.side(*b)?;
-        // the default: the pose of the first frame, with all coordinates at zero
-        let other = other.unwrap_or_else(|| {
-            let world = self.tree.at_zero(first).then(&pose);
-            self.tree.at_zero(second).inverse().then(&world)
-        });
-        let side = |link, pose| Side { link, pose };
+        let (mut second, other) = self.side(*b)?;
+        // names alone are the frames themselves
+        let are_names = pose.is_none() && first.link.is_some() && second.link.is_some();
+        let first = pose.map_or(first, |pose| first.then(&pose));
+        if let Some(other) = other {
+            second = second.then(&other);
+        } else if !are_names {
+            // the default: the pose of the first frame, with all coordinates at zero
+            let world = self.tree.at_zero(first.link).then(&first.pose);
+            second.pose = self.tree.at_zero(second.link).inverse().then(&world);
+        }
         Some(LoopCut {
             name: name.0.to_owned(),
             kind: kind.0.to_owned(),
-            sides: [side(first, pose), side(second, other)],
+            sides: [first, second],
         })
     }
 
-    /// A link (`None` is the world), and the frame on it if one is given.
-    fn side(&mut self, part: Part<'_>) -> Option<(Option<usize>, Option<Pose>)> {
+    /// The frame of a name, and the frame in it if one is given.
+    fn side(&mut self, part: Part<'_>) -> Option<(Side, Option<Pose>)> {
         let mut halves = part.split('@');
         let name = halves.next()?;
-        let link = if name.0 == "world" {
-            None
+        let side = if name.0 == "world" {
+            Side::default()
         } else {
-            let mut links = self.tree.links.iter();
-            let found = links.position(|l| l.name == name.0 || spec_name(&l.name) == name.0);
-            if found.is_none() {
-                let names: Vec<&str> = self.tree.links.iter().map(|l| l.name.as_str()).collect();
-                let hint = format!("the file's bodies are world, {}", names.join(", "));
+            let links = &self.tree.links;
+            let by_spec = || {
+                let link = links.iter().position(|l| spec_name(&l.name) == name.0)?;
+                self.tree.frame(&links[link].name)
+            };
+            let Some(found) = self.tree.frame(name.0).or_else(by_spec) else {
+                let links = links.iter().map(|l| l.name.as_str());
+                let frames = self.tree.frames.iter().map(|(name, _)| name.as_str());
+                let names: Vec<&str> = links.chain(frames).collect();
+                let hint = format!(
+                    "the file's bodies and frames are world, {}",
+                    names.join(", ")
+                );
                 self.error(name, format!("no body is called '{}'", name.0), &hint);
                 return None;
-            }
+            };
             found
         };
         let Some(frame) = halves.next() else {
-            return Some((link, None));
+            return Some((side, None));
         };
         let mut numbers = Vec::new();
         for word in frame.split(',') {
@@ -134,7 +145,7 @@ impl Reading<'_> {
             self.error(more, message, EXAMPLE);
             return None;
         }
-        Some((link, Some(pose)))
+        Some((side, Some(pose)))
     }
 }
 

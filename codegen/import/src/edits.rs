@@ -8,6 +8,7 @@ use crate::tree::Inertia;
 use crate::xml::Element;
 
 mod mjcf;
+mod sdf;
 
 /// Changes of a text, by position.
 #[derive(Debug)]

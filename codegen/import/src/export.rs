@@ -1,4 +1,4 @@
-//! Writing of identified parameters into a URDF or MJCF file that otherwise stays unchanged.
+//! Writing of identified parameters into a URDF, SDF or MJCF file that otherwise stays unchanged.
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 use regen_codegen::model::{self, Model, Step};
@@ -11,7 +11,7 @@ use crate::log::{Log, Note, Place};
 use crate::pose::{Pose, V3, about, difference, norm, tensor_in, transposed};
 use crate::tree::{Inertia, Tree};
 use crate::xml::{Element, Reader};
-use crate::{frames, mjcf, urdf, xml};
+use crate::{frames, mjcf, sdf, urdf, xml};
 use regen_codegen::spec::{Flaw, flaw};
 
 mod joints;
@@ -40,7 +40,7 @@ pub struct BodyParameters {
     pub inertia: [f64; 6],
 }
 
-/// The parameters of a joint that robot files can express: in URDF in the element `<dynamics>`, in
+/// The parameters of a joint that robot files can express: in URDF and SDF in the element `<dynamics>`, in
 /// MJCF as attributes of the joint. `None` leaves the value in the file unchanged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointParameters {
@@ -50,8 +50,8 @@ pub struct JointParameters {
     pub coulomb: Option<f64>,
     /// Inertia J of rotor and drive, kg m^2 or kg, at least 0; written as `armature` in MJCF only.
     pub armature: Option<f64>,
-    /// Stiffness K of the joint's spring, N m/rad or N/m, at least 0; written as `stiffness` in MJCF
-    /// only.
+    /// Stiffness K of the joint's spring, N m/rad or N/m, at least 0; written as `stiffness` in
+    /// MJCF, as `spring_stiffness` in SDF, and not in URDF.
     pub stiffness: Option<f64>,
     /// Symbols of parameters that are identified and that no robot file has a place for, such as Fo.
     pub others: Vec<String>,
@@ -64,6 +64,8 @@ pub enum FileFormat {
     Urdf,
     /// MuJoCo's MJCF, with `<mujoco>` as its root.
     Mjcf,
+    /// Gazebo's SDF, with `<sdf>` as its root.
+    Sdf,
 }
 
 impl FileFormat {
@@ -73,14 +75,23 @@ impl FileFormat {
         match self {
             Self::Urdf => "URDF",
             Self::Mjcf => "MJCF",
+            Self::Sdf => "SDF",
         }
     }
 
     /// The name of Coulomb friction.
     fn friction(self) -> &'static str {
         match self {
-            Self::Urdf => "friction",
+            Self::Urdf | Self::Sdf => "friction",
             Self::Mjcf => "frictionloss",
+        }
+    }
+
+    /// The name of the stiffness of a joint's spring.
+    fn stiffness(self) -> &'static str {
+        match self {
+            Self::Urdf | Self::Mjcf => "stiffness",
+            Self::Sdf => "spring_stiffness",
         }
     }
 }
@@ -103,8 +114,8 @@ pub struct Exported {
 /// two files gives with four decimals causes a larger difference.
 const SAME_MOTION: f64 = 1e-6;
 
-/// Writes parameters into a URDF or MJCF file: the numbers of the links' inertias, and of the joints'
-/// friction; in MJCF of rotors and of joints' springs too. All other bytes stay unchanged. `reader`
+/// Writes parameters into a URDF, SDF or MJCF file: the numbers of the links' inertias, and of the joints'
+/// friction; in SDF and MJCF of joints' springs, in MJCF of rotors too. All other bytes stay unchanged. `reader`
 /// returns the texts of files that an MJCF file includes; these are read, not changed.
 ///
 /// `spec` is the spec that the parameters belong to. Its bodies are matched with the links by name,
@@ -281,9 +292,15 @@ impl<'a> Export<'a> {
                     let hint = "export into one file without <include>";
                     self.parameter_error(label, message, hint);
                 }
+                Some(element) if is_automatic(element) => {
+                    let message = format!("the inertia of '{label}' has auto=\"true\"");
+                    let hint = "the simulator computes it from collisions: take auto out of <inertial> first";
+                    self.parameter_error(label, message, hint);
+                }
                 Some(element) => match file.format {
                     FileFormat::Urdf => edits.inertia(element, &inertia),
                     FileFormat::Mjcf => edits.mjcf_inertia(element, &inertia),
+                    FileFormat::Sdf => edits.sdf_inertia(element, &inertia),
                 },
                 None => {}
             }
@@ -325,10 +342,10 @@ impl<'a> Export<'a> {
         let format = match root.tag.as_str() {
             "robot" => FileFormat::Urdf,
             "mujoco" => FileFormat::Mjcf,
+            "sdf" => FileFormat::Sdf,
             other => {
-                let message = format!("<{other}> is neither URDF nor MJCF");
-                let hint = "a URDF file starts with <robot>, an MJCF file with <mujoco>";
-                self.log.error(root.place, message, hint);
+                let message = format!("<{other}> is neither URDF nor MJCF nor SDF");
+                self.log.error(root.place, message, crate::FIRST_ELEMENTS);
                 return None;
             }
         };
@@ -340,8 +357,9 @@ impl<'a> Export<'a> {
             exact: self.exact,
         };
         let tree = match format {
-            FileFormat::Urdf => urdf::read(&root, &mut fields)?,
+            FileFormat::Urdf => urdf::read(&root, &mut fields, reader)?,
             FileFormat::Mjcf => mjcf::read(&root, &mut fields, reader)?,
+            FileFormat::Sdf => sdf::read(&root, &mut fields)?,
         };
         let draft = layout::lay_out(&tree, &mut Log::default());
         self.log.forget_notes();
@@ -458,6 +476,14 @@ impl<'a> Export<'a> {
         }
         Some(frame)
     }
+}
+
+/// Whether a simulator computes the inertia of a link from its collisions.
+fn is_automatic(link: &Element) -> bool {
+    let auto = link
+        .child("inertial")
+        .and_then(|inertial| inertial.text("auto"));
+    auto.is_some_and(|auto| auto.trim() == "true")
 }
 
 /// The pose of a link of the spec's model in the world.

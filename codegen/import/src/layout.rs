@@ -7,8 +7,8 @@ use crate::frames::{joint_frame, motion};
 use crate::log::{Log, Place};
 use crate::names::Names;
 use crate::physical::plausible;
-use crate::pose::{Pose, tensor_in};
-use crate::tree::{Coupling, Drive, Inertia, Joint, Kind, Link, Tree};
+use crate::pose::{Pose, V3, tensor_in};
+use crate::tree::{Coupling, Drive, Inertia, Joint, Kind, Link, Side, Tree};
 
 /// The content of the spec before it is written as text.
 #[derive(Clone, Debug, Default)]
@@ -18,6 +18,7 @@ pub(crate) struct Draft {
     pub(crate) couplings: Vec<DraftCoupling>,
     /// The drives, with the spec's names of themselves and of their joints.
     pub(crate) drives: Vec<Drive>,
+    pub(crate) springs: Vec<DraftSpring>,
     pub(crate) bodies: Vec<DraftBody>,
     /// Coordinates that are not 0 at the zero configuration of the file's robot.
     pub(crate) home: Vec<(String, f64)>,
@@ -59,6 +60,16 @@ pub(crate) struct DraftCut {
     pub(crate) kind: String,
     /// The body's label (`None` is the world) and the frame on it.
     pub(crate) sides: [(Option<String>, Pose); 2],
+}
+
+/// A spring between points of two bodies.
+#[derive(Clone, Debug)]
+pub(crate) struct DraftSpring {
+    pub(crate) name: String,
+    /// The body's label (`None` is the world) and the point in the body's frame.
+    pub(crate) ends: [(Option<String>, V3); 2],
+    pub(crate) length: f64,
+    pub(crate) stiffness: f64,
 }
 
 #[derive(Clone, Debug)]
@@ -132,6 +143,7 @@ pub(crate) fn lay_out(tree: &Tree, log: &mut Log) -> Draft {
     layout.limbs();
     layout.cuts_and_couplings();
     layout.drives();
+    layout.springs();
     layout.renamed.write_note(layout.log);
     layout.draft
 }
@@ -212,6 +224,17 @@ impl<'a> LimbLayout<'a> {
         layout
     }
 
+    /// The links at which closures or springs hold.
+    fn held(&self) -> Vec<usize> {
+        let closures = self.tree.closures.iter().flat_map(|c| &c.sides);
+        let springs = self.tree.springs.iter().flat_map(|s| &s.ends);
+        let links = closures.map(|side| side.link);
+        let links = links.chain(springs.map(|end| end.0));
+        links
+            .filter_map(|link| self.carriers.get(link?)?.0)
+            .collect()
+    }
+
     /// Removes joints that move no mass, and are in no loop or coupling.
     fn prune(&mut self) {
         let mut coupled_joints: Vec<&str> = Vec::new();
@@ -222,10 +245,7 @@ impl<'a> LimbLayout<'a> {
         for drive in &self.tree.drives {
             coupled_joints.extend(drive.terms.iter().map(|t| t.0.as_str()));
         }
-        let in_loops = self.tree.closures.iter().flat_map(|c| &c.sides);
-        let in_loops: Vec<usize> = in_loops
-            .filter_map(|side| self.carriers.get(side.link?)?.0)
-            .collect();
+        let in_loops = self.held();
         let order: Vec<usize> = self.nodes.keys().rev().copied().collect();
         for index in order {
             let Some(node) = self.nodes.get(&index) else {
@@ -267,10 +287,7 @@ impl<'a> LimbLayout<'a> {
     /// Gives labels to links with mass, and to links at which limbs or cuts start.
     fn label(&mut self) {
         let mut names = Names::default();
-        let closures = self.tree.closures.iter().flat_map(|c| &c.sides);
-        let in_loops: Vec<usize> = closures
-            .filter_map(|side| self.carriers.get(side.link?)?.0)
-            .collect();
+        let in_loops = self.held();
         let order: Vec<usize> = self.nodes.keys().copied().collect();
         for index in order {
             let (Some(link), Some(node)) = (self.tree.links.get(index), self.nodes.get(&index))
@@ -409,22 +426,52 @@ impl<'a> LimbLayout<'a> {
         carrier.map_or_else(Pose::default, |c| c.frame)
     }
 
+    /// The label of the body that carries a frame (`None` is the world), and the frame on it.
+    fn on_body(&self, side: Side) -> (Option<String>, Pose) {
+        let carried = side.link.and_then(|l| self.carriers.get(l));
+        let Some((carrier, pose)) = carried else {
+            return (None, side.pose);
+        };
+        let pose = pose.then(&side.pose);
+        match carrier.and_then(|c| self.nodes.get(&c)) {
+            Some(node) => (node.label.clone(), node.frame.inverse().then(&pose)),
+            None => (None, pose),
+        }
+    }
+
+    /// Converts springs between points.
+    fn springs(&mut self) {
+        let mut names = Names::default();
+        for spring in &self.tree.springs {
+            let ends = spring.ends.map(|(link, point)| {
+                let pose = Pose::shift(point);
+                let (body, pose) = self.on_body(Side { link, pose });
+                (body, pose.p)
+            });
+            if ends[0].0 == ends[1].0 {
+                let text = format!(
+                    "the spring '{}' is left out: it moves no joint",
+                    spring.name
+                );
+                self.log.note(spring.place, text);
+                continue;
+            }
+            let name = names.give(&spring.name);
+            self.renamed.note(&spring.name, &name, spring.place);
+            self.draft.springs.push(DraftSpring {
+                name,
+                ends,
+                length: spring.length,
+                stiffness: spring.stiffness,
+            });
+        }
+    }
+
     /// Converts cuts and couplings.
     fn cuts_and_couplings(&mut self) {
         let mut names = Names::default();
         for closure in &self.tree.closures {
-            let sides = closure.sides.map(|side| {
-                let carried = side.link.and_then(|l| self.carriers.get(l));
-                let Some((carrier, pose)) = carried else {
-                    return (None, side.pose);
-                };
-                let pose = pose.then(&side.pose);
-                let node = carrier.and_then(|c| self.nodes.get(&c));
-                match node {
-                    Some(node) => (node.label.clone(), node.frame.inverse().then(&pose)),
-                    None => (None, pose),
-                }
-            });
+            let sides = closure.sides.map(|side| self.on_body(side));
             let name = names.give(&closure.name);
             self.draft.cuts.push(DraftCut {
                 name,

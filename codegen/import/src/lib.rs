@@ -1,5 +1,5 @@
-//! Import of robot files from other tools, URDF and MJCF, as specs, and export of identified
-//! parameters to URDF.
+//! Import of robot files from other tools, URDF, SDF and MJCF, as specs, and export of identified
+//! parameters to them.
 //!
 //! [`import`] converts the text of a file into the text of a spec: with the file's names, limits,
 //! inertias and friction; long serial limbs with branches; loops as cuts, joints that follow others
@@ -49,7 +49,9 @@ mod notes;
 mod number;
 mod physical;
 mod pose;
+mod sdf;
 mod tree;
+mod unused;
 mod urdf;
 mod values;
 mod write;
@@ -92,6 +94,8 @@ pub struct Options {
     /// Initial values for the closure of the loops, `NAME=VALUE` with the file's names, in rad or
     /// m; default: 0.
     pub home: Vec<String>,
+    /// Names of elements and attributes to leave out of the file.
+    pub ignore: Vec<String>,
     /// The names by which errors refer to the texts above.
     pub names: OptionNames,
 }
@@ -111,6 +115,8 @@ pub struct OptionNames {
     pub base: &'static str,
     /// [`Options::geared`].
     pub geared: &'static str,
+    /// [`Options::ignore`].
+    pub ignore: &'static str,
 }
 
 impl Default for OptionNames {
@@ -122,6 +128,7 @@ impl Default for OptionNames {
             lock: "lock",
             base: "base",
             geared: "geared",
+            ignore: "ignore",
         }
     }
 }
@@ -146,7 +153,7 @@ pub struct Imported {
     pub notes: Vec<Note>,
 }
 
-/// Converts a URDF or MJCF file into a spec. `reader` returns the bytes of included files and of
+/// Converts a URDF, SDF or MJCF file into a spec. `reader` returns the bytes of included files and of
 /// meshes whose volume is needed, by the names given in the file.
 ///
 /// # Errors
@@ -195,6 +202,10 @@ pub fn import(
     })
 }
 
+/// How the formats are told apart.
+const FIRST_ELEMENTS: &str =
+    "a URDF file starts with <robot>, an MJCF file with <mujoco>, an SDF file with <sdf>";
+
 /// Reads the file as a tree of links.
 fn tree(
     source: &Source,
@@ -206,20 +217,34 @@ fn tree(
     if root.tag == "mujoco" {
         xml::include(&mut root, reader, log);
     }
+    for name in &options.ignore {
+        let places = xml::take_out(&mut root, name);
+        if places.is_empty() {
+            let message = format!("no element or attribute is called '{name}'");
+            let hint = "write a name as it stands in the file, with its prefix";
+            option_error(options.names.ignore, name, message, hint, log);
+        }
+        for place in places {
+            let text = format!("left out by {}: {{}}", options.names.ignore);
+            log.note_each(place, text, name);
+        }
+    }
     let mut fields = Fields {
         log,
         exact: options.exact,
     };
-    match root.tag.as_str() {
-        "robot" => urdf::read(&root, &mut fields),
-        "mujoco" => mjcf::read(&root, &mut fields, reader),
+    let (tree, rows) = match root.tag.as_str() {
+        "robot" => (urdf::read(&root, &mut fields, reader)?, urdf::ROWS),
+        "mujoco" => (mjcf::read(&root, &mut fields, reader)?, mjcf::ROWS),
+        "sdf" => (sdf::read(&root, &mut fields)?, sdf::ROWS),
         other => {
-            let message = format!("<{other}> is neither URDF nor MJCF");
-            let hint = "a URDF file starts with <robot>, an MJCF file with <mujoco>";
-            log.error(root.place, message, hint);
-            None
+            let message = format!("<{other}> is neither URDF nor MJCF nor SDF");
+            log.error(root.place, message, FIRST_ELEMENTS);
+            return None;
         }
-    }
+    };
+    unused::report(&root, rows, options.names.ignore, log);
+    Some(tree)
 }
 
 /// Changes the tree according to the options.

@@ -63,6 +63,8 @@ struct Entry {
     /// The text, with `{}` where the items stand that are grouped.
     text: String,
     item: Option<String>,
+    /// Whether all items are listed, and not only the first few.
+    lists_all: bool,
     changes_digits: bool,
 }
 
@@ -74,11 +76,16 @@ struct Group<'a> {
 }
 
 impl Group<'_> {
-    /// The text, with the first few of its items.
+    /// The text, with its items or the first few of them.
     fn text(&self) -> String {
         const MAX_ITEMS: usize = 4;
-        let shown: Vec<&str> = self.items.iter().take(MAX_ITEMS).copied().collect();
-        let more = match self.items.len().saturating_sub(MAX_ITEMS) {
+        let most = if self.first.lists_all {
+            self.items.len()
+        } else {
+            MAX_ITEMS
+        };
+        let shown: Vec<&str> = self.items.iter().take(most).copied().collect();
+        let more = match self.items.len().saturating_sub(most) {
             0 => String::new(),
             n => format!(" and {n} more"),
         };
@@ -117,27 +124,37 @@ impl Log {
     }
 
     pub(crate) fn note(&mut self, place: Place, text: impl Into<String>) {
-        self.push(place, text.into(), None, false);
+        self.push(place, text.into(), None);
     }
 
     /// Records a note on an item: notes with the same text are printed as one that lists the items
     /// where the text has `{}`.
     pub(crate) fn note_of(&mut self, place: Place, text: impl Into<String>, item: &str) {
-        self.push(place, text.into(), Some(item.to_owned()), false);
+        self.push(place, text.into(), Some(item.to_owned()));
+    }
+
+    /// Records a note on an item; as [`Log::note_of`], but every item is listed.
+    pub(crate) fn note_each(&mut self, place: Place, text: impl Into<String>, item: &str) {
+        let entry = self.push(place, text.into(), Some(item.to_owned()));
+        entry.lists_all = true;
     }
 
     /// Records a note on changed digits; as [`Log::note_of`].
     pub(crate) fn note_digits(&mut self, place: Place, text: impl Into<String>, item: &str) {
-        self.push(place, text.into(), Some(item.to_owned()), true);
+        let entry = self.push(place, text.into(), Some(item.to_owned()));
+        entry.changes_digits = true;
     }
 
-    fn push(&mut self, place: Place, text: String, item: Option<String>, changes_digits: bool) {
+    fn push(&mut self, place: Place, text: String, item: Option<String>) -> &mut Entry {
+        let at = self.notes.len();
         self.notes.push(Entry {
             place,
             text,
             item,
-            changes_digits,
+            lists_all: false,
+            changes_digits: false,
         });
+        &mut self.notes[at]
     }
 
     pub(crate) fn forget_notes(&mut self) {

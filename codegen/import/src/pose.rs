@@ -94,6 +94,16 @@ pub(crate) fn about(axis: V3, angle: f64) -> M3 {
     ]
 }
 
+/// The shortest rotation of z onto a unit vector.
+pub(crate) fn onto(z: V3) -> M3 {
+    let across = cross([0.0, 0.0, 1.0], z);
+    match unit(across) {
+        Some(axis) => about(axis, libm::atan2(norm(across), z[2])),
+        None if z[2] > 0.0 => UNIT,
+        None => about([1.0, 0.0, 0.0], std::f64::consts::PI),
+    }
+}
+
 /// R = Rz(yaw) Ry(pitch) Rx(roll), angles in rad.
 pub(crate) fn from_rpy([roll, pitch, yaw]: V3) -> M3 {
     let x = about([1.0, 0.0, 0.0], roll);

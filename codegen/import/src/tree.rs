@@ -1,7 +1,8 @@
-//! The content of URDF and MJCF files: a tree of links with joints, with couplings and loop closures.
+//! The content of robot files: a tree of links with joints, with couplings and loop closures.
 
+use crate::frames::axis_vector;
 use crate::log::Place;
-use crate::pose::{Pose, V3};
+use crate::pose::{Pose, UNIT, V3, about, onto, product};
 
 /// A robot as described by its file.
 #[derive(Clone, Debug, Default)]
@@ -19,6 +20,22 @@ pub(crate) struct Tree {
     /// Actuated joints; empty if the file names none.
     pub(crate) actuated: Vec<String>,
     pub(crate) drives: Vec<Drive>,
+    pub(crate) springs: Vec<Spring>,
+    /// Frames with names of their own on links or on the world.
+    pub(crate) frames: Vec<(String, Side)>,
+}
+
+/// A spring between points of two links.
+#[derive(Clone, Debug)]
+pub(crate) struct Spring {
+    pub(crate) name: String,
+    pub(crate) place: Place,
+    /// The two links (`None` is the world) with the points in their frames.
+    pub(crate) ends: [(Option<usize>, V3); 2],
+    /// The length of the relaxed spring, m.
+    pub(crate) length: f64,
+    /// N/m.
+    pub(crate) stiffness: f64,
 }
 
 /// A motor whose coordinate is the sum of these multiples of joints' coordinates.
@@ -89,6 +106,7 @@ pub(crate) struct Joint {
     pub(crate) reference: f64,
     pub(crate) position: Option<[f64; 2]>,
     pub(crate) velocity: Option<f64>,
+    pub(crate) acceleration: Option<f64>,
     pub(crate) effort: Option<[f64; 2]>,
     /// Viscous friction, N m s/rad or N s/m.
     pub(crate) damping: f64,
@@ -115,6 +133,7 @@ impl Joint {
             reference: 0.0,
             position: None,
             velocity: None,
+            acceleration: None,
             effort: None,
             damping: 0.0,
             friction: 0.0,
@@ -209,7 +228,7 @@ pub(crate) struct LoopCut {
 }
 
 /// A frame on a link or on the world.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Side {
     pub(crate) link: Option<usize>,
     pub(crate) pose: Pose,
@@ -222,6 +241,32 @@ pub(crate) struct Coupling {
     pub(crate) constant: f64,
     pub(crate) terms: Vec<(String, f64)>,
     pub(crate) place: Place,
+}
+
+impl Side {
+    /// A frame that is given in this one.
+    pub(crate) fn then(self, pose: &Pose) -> Self {
+        Self {
+            pose: self.pose.then(pose),
+            ..self
+        }
+    }
+
+    /// The same point of a link, with one of the frame's axes in a direction given in this frame.
+    pub(crate) fn with_axis(self, axis: char, direction: V3) -> Self {
+        if direction == axis_vector(axis) {
+            return self;
+        }
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let onto_z = match axis {
+            'x' => about([0.0, 1.0, 0.0], -quarter),
+            'y' => about([1.0, 0.0, 0.0], quarter),
+            _ => UNIT,
+        };
+        let turned = Pose::turn(product(&onto(direction), &onto_z));
+        let pose = self.pose.then(&turned);
+        Self { pose, ..self }
+    }
 }
 
 impl Tree {
@@ -239,6 +284,22 @@ impl Tree {
 
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
         self.links.iter().position(|l| l.name == name)
+    }
+
+    /// The frame of a name: that of a link, or one on a link.
+    pub(crate) fn frame(&self, name: &str) -> Option<Side> {
+        let link = self.find(name).map(|link| Side {
+            link: Some(link),
+            pose: Pose::default(),
+        });
+        let frames = || self.frames.iter().find(|(own, _)| own == name);
+        link.or_else(|| frames().map(|(_, side)| *side))
+    }
+
+    /// The joint of a name.
+    pub(crate) fn joint(&self, name: &str) -> Option<&Joint> {
+        let mut joints = self.links.iter().flat_map(|link| &link.joints);
+        joints.find(|joint| joint.name == name)
     }
 }
 

@@ -5,12 +5,57 @@ use std::collections::BTreeMap;
 use crate::fields::Fields;
 use crate::log::Place;
 use crate::notes::unread;
-use crate::pose::{Pose, tensor_in, transposed};
-use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
-use crate::xml::{Attribute, Element};
+use crate::pose::{Pose, from_quaternion, tensor_in, transposed};
+use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Side, Tree};
+use crate::unused::Row;
+use crate::xml::{Attribute, Element, Reader};
 
-/// Reads the robot of a URDF file; `None` if an error was recorded.
-pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
+pub(crate) mod closures;
+mod motors;
+
+/// What a shape consists of.
+const SHAPE: &str = "name origin xyz rpy quat_xyzw geometry box size cylinder radius length sphere capsule \
+                     mesh filename scale material color rgba texture verbose concave";
+
+/// What of a URDF file has no effect on the dynamics.
+pub(crate) const ROWS: &[Row] = &[
+    Row::whole("visual", SHAPE),
+    Row::whole("collision", SHAPE),
+    Row::whole("material", SHAPE),
+    Row::whole("sensor", "*"),
+    Row::whole("contact", "*"),
+    Row::whole("self_collision_checking", "*"),
+    Row::whole(
+        "safety_controller",
+        "k_position k_velocity soft_lower_limit soft_upper_limit",
+    ),
+    Row::whole("calibration", "rising falling reference_position"),
+    Row::whole("ros2_control", "*"),
+    Row::whole("plugin", "*"),
+    Row::whole("drake:collision_filter_group", "*"),
+    Row::whole("drake:controller_gains", "*"),
+    Row::parts("robot", "version"),
+    Row::parts("link", "type concave"),
+    // the lower triangle
+    Row::parts("inertia", "iyx izx izy"),
+    Row::parts("transmission", "hardwareInterface"),
+    Row::parts("joint", "hardwareInterface"),
+    Row::parts("actuator", "hardwareInterface"),
+    Row::parts(
+        "gazebo",
+        "mu mu1 mu2 kp kd fdir1 selfCollide self_collide maxVel max_vel minDepth min_depth maxContacts \
+         max_contacts laserRetro implicitSpringDamper provideFeedback cfmDamping fudgeFactor stopCfm stopErp \
+         preserveFixedJoint disableFixedJointLumping static audio_source audio_sink",
+    ),
+];
+
+/// Reads the robot of a URDF file, and what closes its loops in a file beside it; `None` if an error was
+/// recorded.
+pub(crate) fn read(
+    root: &Element,
+    fields: &mut Fields<'_>,
+    reader: &mut Reader<'_>,
+) -> Option<Tree> {
     if let Some(element) = find_xacro(root) {
         let hint = "expand the macros first: xacro FILE.xacro > FILE.urdf";
         fields
@@ -25,7 +70,7 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
         ..Tree::default()
     };
     let links: Vec<&Element> = root.all("link").collect();
-    let joints: Vec<&Element> = root.all("joint").collect();
+    let joints: Vec<&Element> = root.all("joint").chain(root.all("drake:joint")).collect();
     let index = names(&links, "link", fields);
     names(&joints, "joint", fields);
     // for each link, the joint to its parent
@@ -68,9 +113,32 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
         }
         tree.links.push(read);
     }
-    transmissions(root, &mut tree);
+    // the frame of a joint is that of the link that it carries
+    for joint in &joints {
+        let child = joint.child("child").and_then(|child| child.text("link"));
+        let link = child.and_then(|name| tree.find(name));
+        if let (Some(name), Some(link)) = (joint.text("name"), link) {
+            let side = Side {
+                link: Some(link),
+                pose: Pose::default(),
+            };
+            tree.frames.push((name.to_owned(), side));
+        }
+    }
+    motors::read(root, &mut tree, fields);
+    if tree.actuated.is_empty() && tree.drives.is_empty() {
+        // files of URDF+ say which coordinates the others follow from
+        let independent = joints.iter().filter(|joint| {
+            let said = joint.text("independent");
+            said.is_some_and(|said| said.eq_ignore_ascii_case("true"))
+        });
+        let names = independent.filter_map(|joint| joint.text("name"));
+        tree.actuated = names.map(str::to_owned).collect();
+    }
+    closures::read(root, &mut tree, fields);
+    closures::read_beside(&mut tree, fields, reader);
     meshes(root, fields);
-    Some(tree)
+    (!fields.log.failed()).then_some(tree)
 }
 
 fn find_xacro(element: &Element) -> Option<&Element> {
@@ -179,14 +247,30 @@ fn ordered(
 
 /// The pose in an element's `<origin>`; the identity if it is missing.
 fn origin(element: &Element, fields: &mut Fields<'_>) -> Pose {
-    let Some(origin) = element.child("origin") else {
-        return Pose::default();
-    };
+    let origin = element.child("origin");
+    origin.map_or_else(Pose::default, |origin| origin_in(origin, fields))
+}
+
+/// The pose that an `<origin>` or an element like it states.
+fn origin_in(origin: &Element, fields: &mut Fields<'_>) -> Pose {
     let xyz = origin.attribute("xyz").and_then(|a| fields.position(a));
+    let xyz = xyz.unwrap_or_default();
+    if let Some(turn) = origin.attribute("quat_xyzw") {
+        let Some([x, y, z, w]) = fields.array::<4>(turn) else {
+            return Pose::default();
+        };
+        if let Some(r) = from_quaternion([w, x, y, z]) {
+            return Pose::new(xyz, r);
+        }
+        let message = "a quaternion of length zero";
+        fields
+            .log
+            .error(turn.place, message, "write x y z w of a rotation");
+    }
     let rpy = origin.attribute("rpy").and_then(|a| fields.angles::<3>(a));
     match rpy {
-        Some(rpy) if rpy != [0.0; 3] => Pose::from_rpy(xyz.unwrap_or_default(), rpy),
-        _ => Pose::shift(xyz.unwrap_or_default()),
+        Some(rpy) if rpy != [0.0; 3] => Pose::from_rpy(xyz, rpy),
+        _ => Pose::shift(xyz),
     }
 }
 
@@ -238,23 +322,30 @@ fn inertia(link: &Element, fields: &mut Fields<'_>) -> Option<Inertia> {
 fn moving(joint: &Element, tree: &mut Tree, fields: &mut Fields<'_>) -> Option<Joint> {
     let kind = required(joint, "type", fields)?;
     let (kind, limited) = match kind.value.as_str() {
-        "fixed" => return None,
+        "fixed" => {
+            // tools write them for joints that do not move too
+            for tag in ["axis", "limit", "dynamics", "joint_properties"] {
+                joint.all(tag).for_each(Element::set_aside);
+            }
+            return None;
+        }
         "revolute" => (Kind::Revolute, true),
         "continuous" => (Kind::Revolute, false),
         "prismatic" => (Kind::Prismatic, true),
         "floating" => (Kind::Free, false),
         "planar" => (Kind::Planar, false),
+        "ball" | "spherical" => (Kind::Spherical, false),
         other => {
             let message = format!("unknown joint type '{other}'");
             let hint =
-                "joints are revolute, continuous, prismatic, fixed, floating, planar in URDF";
+                "joints are revolute, continuous, prismatic, fixed, floating, planar, ball in URDF";
             fields.log.error(kind.place, message, hint);
             return None;
         }
     };
     let name = joint.text("name").unwrap_or_default().to_owned();
     let mut read = Joint::new(name.clone(), joint.place, kind);
-    if kind != Kind::Free {
+    if matches!(kind, Kind::Revolute | Kind::Prismatic | Kind::Planar) {
         let axis = joint.child("axis").and_then(|a| a.attribute("xyz"));
         read.axis = match axis {
             Some(axis) => fields.direction(axis)?,
@@ -264,7 +355,9 @@ fn moving(joint: &Element, tree: &mut Tree, fields: &mut Fields<'_>) -> Option<J
     if let Some(limit) = joint.child("limit") {
         limits(limit, limited, &mut read, fields);
     }
-    if let Some(dynamics) = joint.child("dynamics") {
+    // some exporters write the name of the first versions of URDF
+    let dynamics = joint.child("dynamics");
+    if let Some(dynamics) = dynamics.or_else(|| joint.child("joint_properties")) {
         let mut value = |key| {
             let attribute = dynamics.attribute(key)?;
             let value = fields.number(attribute)?;
@@ -310,6 +403,8 @@ fn limits(limit: &Element, limited: bool, joint: &mut Joint, fields: &mut Fields
     };
     let (lower, upper) = (value("lower"), value("upper"));
     joint.velocity = value("velocity").filter(|v| *v > 0.0);
+    let acceleration = value("acceleration").or_else(|| value("drake:acceleration"));
+    joint.acceleration = acceleration.filter(|a| *a > 0.0);
     let effort = value("effort").filter(|e| *e > 0.0);
     joint.effort = effort.map(|e| [-e, e]);
     if !limited {
@@ -322,14 +417,6 @@ fn limits(limit: &Element, limited: bool, joint: &mut Joint, fields: &mut Fields
             let note = format!("the limits of '{}' leave no range: left out", joint.name);
             fields.log.note(limit.place, note);
         }
-    }
-}
-
-/// Takes the joints of `<transmission>`s as the actuated ones.
-fn transmissions(root: &Element, tree: &mut Tree) {
-    for transmission in root.all("transmission") {
-        let joints = transmission.all("joint").filter_map(|j| j.text("name"));
-        tree.actuated.extend(joints.map(str::to_owned));
     }
 }
 

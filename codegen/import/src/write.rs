@@ -6,7 +6,7 @@ use crate::frames::denavit_hartenberg;
 use crate::layout::{Draft, DraftBody, DraftJoint, DraftLimb};
 use crate::number::{angle, exact_angle, number};
 use crate::pose::{Pose, V3};
-use crate::tree::Drive;
+use crate::tree::{Drive, Joint};
 
 /// Longer entries are written on several lines.
 const MAX_ENTRY_WIDTH: usize = 110;
@@ -71,12 +71,29 @@ pub(crate) fn write(draft: &Draft, context: &SpecContext<'_>) -> String {
     if !draft.drives.is_empty() {
         out.push_str("\n# Motors that move several joints, or one with a ratio.\ndrives:\n");
         for drive in &draft.drives {
-            let _ = writeln!(
-                out,
-                "  {}: {}",
-                drive.name,
-                flow(&drive_fields(drive, angle))
-            );
+            let fields = drive_fields(drive, draft, context, angle);
+            let _ = writeln!(out, "  {}: {}", drive.name, flow(&fields));
+        }
+    }
+    if !draft.springs.is_empty() {
+        out.push_str("\n# Springs between points of two bodies.\nsprings:\n");
+        for spring in &draft.springs {
+            let end = |(body, point): &(Option<String>, V3)| {
+                let body = body.as_deref().unwrap_or("world");
+                let mut fields = vec![("body", body.to_owned())];
+                if *point != [0.0; 3] {
+                    fields.push(("xyz", list(&point.map(number))));
+                }
+                flow(&fields)
+            };
+            let [a, b] = &spring.ends;
+            let fields = [
+                ("name", spring.name.clone()),
+                ("between", format!("[{}, {}]", end(a), end(b))),
+                ("length", number(spring.length)),
+                ("nominal", flow(&[("k", number(spring.stiffness))])),
+            ];
+            entry(&fields, 2, &mut out);
         }
     }
     if let Some(independent) = context.independent {
@@ -248,6 +265,9 @@ fn joint_fields(
     if let Some(velocity) = from.velocity {
         limits.push(("velocity", list(&[-velocity, velocity].map(figure))));
     }
+    if let Some(most) = from.acceleration {
+        limits.push(("acceleration", list(&[-most, most].map(figure))));
+    }
     if let Some(effort) = from.effort {
         limits.push(("effort", list(&effort.map(number))));
     }
@@ -288,12 +308,38 @@ fn friction_fields(
     nominal
 }
 
-fn drive_fields(drive: &Drive, angle: Angle) -> Vec<(&'static str, String)> {
+fn drive_fields(
+    drive: &Drive,
+    draft: &Draft,
+    context: &SpecContext<'_>,
+    angle: Angle,
+) -> Vec<(&'static str, String)> {
     let mut fields = vec![("of", linear(0.0, &drive.terms, angle))];
     if drive.slides {
         fields.push(("type", "prismatic".to_owned()));
     }
     let nominal = friction_fields(drive.damping, drive.friction, drive.armature, &mut fields);
+    if context.geared {
+        // not where the file states them at a joint that the drive moves
+        let of = |joint: &&DraftJoint| {
+            let name = joint.name.as_ref();
+            name.is_some_and(|name| drive.terms.iter().any(|(own, _)| own == name))
+        };
+        let joints = || draft.limbs.iter().flat_map(|limb| &limb.joints).filter(of);
+        let from = |value: fn(&Joint) -> f64| {
+            let mut all = joints().filter_map(|joint| joint.from.as_ref());
+            all.any(|from| value(from) != 0.0)
+        };
+        let added = [
+            ("friction", "linear", from(|j| j.damping + j.friction)),
+            ("rotor_inertia", "true", from(|j| j.armature)),
+        ];
+        for (key, value, is_stated) in added {
+            if !is_stated && fields.iter().all(|(own, _)| *own != key) {
+                fields.push((key, value.to_owned()));
+            }
+        }
+    }
     let ranges = [("position", drive.position), ("effort", drive.effort)];
     let limits: Vec<_> = ranges
         .into_iter()

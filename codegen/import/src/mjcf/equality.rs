@@ -13,6 +13,7 @@ struct Reported;
 impl Reading<'_, '_, '_> {
     /// Reads `<equality>`.
     pub(super) fn equalities(&mut self) {
+        let is_in_force = self.has_equalities();
         let elements: Vec<&Element> = self
             .root
             .all("equality")
@@ -23,9 +24,15 @@ impl Reading<'_, '_, '_> {
                 element,
                 inherited: None,
             };
+            element.used.mark();
+            if !is_in_force {
+                element.set_aside();
+                continue;
+            }
             self.defaults.check(element, self.fields.log);
             let inactive = self.attribute(of, "active");
             if inactive.is_some_and(|a| a.value == "false") {
+                element.set_aside();
                 let text = format!("an inactive <{}> is left out", element.tag);
                 self.fields.log.note(element.place, text);
                 continue;
@@ -84,7 +91,8 @@ impl Reading<'_, '_, '_> {
     /// The side of a cut at the site that the attribute `which` names.
     fn site(&mut self, element: &Element, which: &str) -> Option<Side> {
         let name = required(element, which, self)?;
-        let found = self.sites.iter().find(|s| s.0 == name.value).map(|s| s.1);
+        let mut sites = self.tree.frames.iter();
+        let found = sites.find(|s| s.0 == name.value).map(|s| s.1);
         if found.is_none() {
             let message = format!("no site is called '{}'", name.value);
             let hint = "an equality names sites of bodies or of the world";
@@ -218,11 +226,13 @@ impl Reading<'_, '_, '_> {
             };
             self.defaults.check(element, self.fields.log);
             let joint = element.text("joint").or(element.text("jointinparent"));
+            let tendon = element.attribute("tendon");
+            if joint.is_some() || tendon.is_some() {
+                element.used.mark();
+            }
             if let Some(joint) = joint {
-                self.actuated(joint, element.place);
-                let force = self.force_range(of);
-                self.limit_effort(joint, force);
-            } else if let Some(tendon) = element.attribute("tendon") {
+                self.motor(of, joint);
+            } else if let Some(tendon) = tendon {
                 self.pull(of, tendon);
             } else {
                 let text = "this actuator is left out: it acts on no joint";

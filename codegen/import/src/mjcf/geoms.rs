@@ -3,8 +3,10 @@
 use std::f64::consts::PI;
 
 use super::Reading;
-use super::orientation::{Classed, onto};
-use crate::pose::{Pose, UNIT, V3, difference, norm, scaled, sum, tensor_in, transposed, unit};
+use super::orientation::Classed;
+use crate::pose::{
+    Pose, UNIT, V3, difference, norm, onto, scaled, sum, tensor_in, transposed, unit,
+};
 use crate::tree::Inertia;
 use crate::xml::Element;
 
@@ -102,6 +104,7 @@ impl Reading<'_, '_, '_> {
     }
 
     fn geom(&mut self, of: Classed<'_>) -> Geom {
+        of.element.used.mark();
         let (mass, density) = self.mass(of);
         let group = self.attribute(of, "group");
         let group = group.and_then(|a| self.fields.number(&a)).unwrap_or(0.0);

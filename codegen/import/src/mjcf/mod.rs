@@ -18,9 +18,81 @@ use crate::fields::Fields;
 use crate::mesh::Solid;
 use crate::notes::unread;
 use crate::tree::Tree;
+use crate::unused::Row;
 use crate::xml::{Attribute, Element, Reader};
 
 use defaults::Defaults;
+
+/// What of actuators, tendons, equalities and shapes has no effect.
+const ACTUATOR: &str = "name class group ctrllimited forcelimited actlimited ctrlrange forcerange actrange \
+                        lengthrange user dyntype gaintype biastype dynprm gainprm biasprm kp kv kd ki dampratio \
+                        timeconst inheritrange actdim actearly delay nsample interp";
+const TENDON: &str = "name class group width material rgba solreflimit solimplimit solreffriction solimpfriction \
+                      margin user springlength limited range actuatorfrclimited";
+const EQUALITY: &str = "name class solref solimp torquescale active";
+const GEOM: &str = "name class type contype conaffinity condim group priority size material rgba friction mass \
+                    density shellinertia solmix solref solimp margin gap fromto pos quat axisangle xyaxes zaxis \
+                    euler hfield mesh fitscale fluidshape fluidcoef user";
+
+/// What of an MJCF file has no effect on the dynamics.
+pub(crate) const ROWS: &[Row] = &[
+    Row::whole("asset", "*"),
+    Row::whole("mesh", "*"),
+    Row::whole("texture", "*"),
+    Row::whole("material", "*"),
+    Row::whole("hfield", "*"),
+    Row::whole("visual", "*"),
+    Row::whole("sensor", "*"),
+    Row::whole("keyframe", "*"),
+    Row::whole("contact", "*"),
+    Row::whole("pair", "*"),
+    Row::whole("size", "*"),
+    Row::whole("statistic", "*"),
+    Row::whole("custom", "*"),
+    Row::whole("camera", "*"),
+    Row::whole("light", "*"),
+    Row::whole("geom", GEOM),
+    Row::whole("site", GEOM),
+    Row::parts(
+        "joint",
+        "class group solreflimit solimplimit solreffriction solimpfriction margin user springref limited \
+         actuatorfrclimited solref solimp active",
+    ),
+    Row::parts("freejoint", "name group"),
+    Row::parts("body", "user"),
+    Row::parts("fixed", TENDON),
+    Row::parts("spatial", TENDON),
+    Row::parts("tendon", TENDON),
+    Row::parts("connect", EQUALITY),
+    Row::parts("weld", EQUALITY),
+    Row::parts("equality", EQUALITY),
+    Row::parts("general", ACTUATOR),
+    Row::parts("motor", ACTUATOR),
+    Row::parts("position", ACTUATOR),
+    Row::parts("velocity", ACTUATOR),
+    Row::parts("intvelocity", ACTUATOR),
+    Row::parts("damper", ACTUATOR),
+    Row::parts("cylinder", ACTUATOR),
+    Row::parts("muscle", ACTUATOR),
+    Row::parts("adhesion", ACTUATOR),
+    Row::parts(
+        "compiler",
+        "texturedir meshdir assetdir strippath fitaabb discardvisual fusestatic usethread convexhull saveinertial \
+         alignfree inertiagrouprange",
+    ),
+    Row::parts(
+        "option",
+        "timestep integrator cone jacobian solver iterations tolerance ls_iterations ls_tolerance \
+         noslip_iterations noslip_tolerance ccd_iterations ccd_tolerance mpr_iterations mpr_tolerance \
+         sdf_iterations sdf_initpoints actuatorgroupdisable apirate impratio o_margin o_solref o_solimp o_friction \
+         wind magnetic collision sleep_tolerance",
+    ),
+    Row::parts(
+        "flag",
+        "contact limit warmstart filterparent actuation refsafe sensor midphase eulerdamp autoreset nativeccd \
+         override energy fwdinv invdiscrete multiccd island clampctrl sleep",
+    ),
+];
 
 /// The settings of `<compiler>`.
 #[derive(Clone, Debug)]
@@ -68,7 +140,6 @@ struct Reading<'a, 'f, 'l> {
     compiler: Compiler,
     defaults: Defaults,
     tree: Tree,
-    sites: Vec<(String, crate::tree::Side)>,
     root: &'a Element,
     files: &'f mut Reader<'f>,
     /// The solids of the meshes that were asked for.
@@ -106,7 +177,6 @@ pub(crate) fn read(
             format: "MJCF",
             ..Tree::default()
         },
-        sites: Vec::new(),
         root,
         files,
         solids: BTreeMap::new(),
@@ -122,6 +192,7 @@ pub(crate) fn read(
     reading.bodies();
     reading.scale_masses();
     reading.actuators();
+    reading.springs();
     reading.equalities();
     reading.note_ignored_elements();
     let failed = reading.fields.log.failed();
@@ -139,10 +210,25 @@ fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
         meshes: String::new(),
         exact_meshes: false,
     };
+    const READ: [&str; 10] = [
+        "angle",
+        "autolimits",
+        "inertiafromgeom",
+        "inertiagrouprange",
+        "eulerseq",
+        "coordinate",
+        "exactmeshinertia",
+        "settotalmass",
+        "boundmass",
+        "boundinertia",
+    ];
     let mut assets = String::new();
     let elements: Vec<&Element> = root.all("compiler").collect();
     for attribute in elements.iter().flat_map(|e| &e.attributes) {
         let value = attribute.value.as_str();
+        if READ.contains(&attribute.name.as_str()) {
+            attribute.used.mark();
+        }
         match attribute.name.as_str() {
             "angle" => settings.degrees = value != "radian",
             "autolimits" => settings.autolimits = value != "false",
@@ -208,6 +294,20 @@ impl Reading<'_, '_, '_> {
         }
     }
 
+    /// Whether a flag disables all equalities.
+    fn has_equalities(&mut self) -> bool {
+        let options = self.root.all("option");
+        let flags = options.flat_map(|option| option.all("flag"));
+        let said =
+            flags.flat_map(|flag| ["equality", "constraint"].map(|name| flag.attribute(name)));
+        let disabled = said.flatten().filter(|said| said.value == "disable").last();
+        if let Some(said) = disabled {
+            let text = "equalities are left out, since a flag disables them";
+            self.fields.log.note(said.place, text);
+        }
+        disabled.is_none()
+    }
+
     /// Notes that the fluid around the robot is left out, if it has a density or a viscosity.
     fn note_fluid(&mut self) {
         for name in ["density", "viscosity"] {
@@ -249,18 +349,14 @@ impl Reading<'_, '_, '_> {
 
     /// Notes elements that a spec of rigid bodies cannot express.
     fn note_ignored_elements(&mut self) {
-        let meshes = self.root.all("asset").flat_map(|a| a.all("mesh")).count();
+        let assets = self.root.children.iter().filter(|c| c.tag == "asset");
+        let meshes = assets.flat_map(|asset| &asset.children);
+        let meshes = meshes.filter(|c| c.tag == "mesh").count();
         let read = self.solids.values().filter(|found| found.is_ok()).count();
         let meshes = meshes.saturating_sub(read);
         if meshes > 0 {
             let text = unread(meshes);
             self.fields.log.note(self.root.place, text);
-        }
-        for section in self.root.all("tendon") {
-            for spatial in section.all("spatial") {
-                let text = "a spatial tendon is left out: it is a force, no constraint";
-                self.fields.log.note(spatial.place, text);
-            }
         }
         self.note_forces_left_out();
         for section in ["deformable", "skin"] {

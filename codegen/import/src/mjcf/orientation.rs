@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::Reading;
 use crate::pose::{
-    M3, Pose, ROUNDING_TOLERANCE, UNIT, V3, about, cross, difference, dot, from_quaternion,
+    M3, Pose, ROUNDING_TOLERANCE, UNIT, V3, about, cross, difference, dot, from_quaternion, onto,
     product, scaled, transposed, unit,
 };
 use crate::xml::{Attribute, Element};
@@ -179,14 +179,4 @@ fn from_axes(x: V3, y: V3) -> Option<M3> {
     let x = unit(x)?;
     let y = unit(difference(y, scaled(x, dot(x, y))))?;
     Some(transposed(&[x, y, cross(x, y)]))
-}
-
-/// The shortest rotation of z onto a unit vector.
-pub(super) fn onto(z: V3) -> M3 {
-    let across = cross([0.0, 0.0, 1.0], z);
-    match unit(across) {
-        Some(axis) => about(axis, libm::atan2(crate::pose::norm(across), z[2])),
-        None if z[2] > 0.0 => UNIT,
-        None => about([1.0, 0.0, 0.0], PI),
-    }
 }

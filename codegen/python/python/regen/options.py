@@ -31,6 +31,8 @@ class ImportOptions(TypedDict, total=False):
     geared: bool
     #: The configuration from which loops are closed, as NAME=VALUE [default: 0]
     home: Values | None
+    #: Leave out all elements and attributes of these names
+    ignore: Values | None
     #: Joints to lock: NAME, at 0, or NAME=VALUE in rad or m; * is any part of a name, as in 'wheel_*'
     lock: Values | None
     #: The spec's name [default: the robot's in the file]

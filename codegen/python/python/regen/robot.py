@@ -61,9 +61,9 @@ class Closed(NamedTuple):
 class Robot:
     """A robot, from its description.
 
-    ``source`` is the path of a description (YAML), of a URDF file or of an MJCF file, or the text of
-    one. For URDF and MJCF, ``options`` are those of ``regen import``: ``name``, ``exact``,
-    ``geared``, ``base`` ('fixed' or 'floating'), ``cut``, ``actuated``, ``home``.
+    ``source`` is the path of a description (YAML) or of a URDF, SDF or MJCF file, or the text of
+    one. For robot files, ``options`` are those of ``regen import``: ``name``, ``exact``,
+    ``geared``, ``base`` ('fixed' or 'floating'), ``cut``, ``actuated``, ``home``, ``ignore``.
 
     ``payload`` says whether the payloads of the description are carried, ``"none"`` or
     ``"carried"``; a description without payloads needs nothing.
@@ -138,7 +138,7 @@ class Robot:
 
     @property
     def description(self) -> str:
-        """The text of the description; for URDF and MJCF, the description that the import wrote."""
+        """The text of the description; for URDF, SDF and MJCF, the description that the import wrote."""
         return self._text
 
     @property
