@@ -150,6 +150,18 @@ impl Coefficient {
         }
     }
 
+    /// Whether it contains a geometry name.
+    pub(crate) fn mentions_names(&self) -> bool {
+        match self {
+            Self::Number(_) => false,
+            Self::Name(_) => *self != Self::pi(),
+            Self::Neg(inner) | Self::Call(_, inner) => inner.mentions_names(),
+            Self::Sum(terms) => terms.iter().any(|(_, term)| term.mentions_names()),
+            Self::Product(factors) => factors.iter().any(Self::mentions_names),
+            Self::Quotient(a, b) | Self::Power(a, b) => a.mentions_names() || b.mentions_names(),
+        }
+    }
+
     /// Whether it is the number 1.
     pub fn is_one(&self) -> bool {
         matches!(self, Self::Number(digits) if digits == "1")

@@ -1,11 +1,14 @@
 //! The geometry as elements of the field: lengths from their expressions, frames from their
 //! placement steps, and the transformation of twists and parameters between frames.
 
-use crate::model::{Placement, Step};
+use crate::model::{Model, Placement, Step};
 use crate::spec::{Axis, Expr, Function, Quantity, Spec};
 use crate::sym::Number;
 
 use super::Coefficient;
+use super::coupled;
+use super::known;
+use super::linkage::Linkage;
 use super::field::{Element, Field, Variable};
 
 /// A vector of three elements.
@@ -15,7 +18,7 @@ pub(super) type Rotation = [E3; 3];
 
 /// The geometry names as elements: a name defined by other names becomes their expression, any
 /// other name a variable.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Names {
     all: Vec<(String, Element)>,
 }
@@ -23,6 +26,16 @@ pub(super) struct Names {
 impl Names {
     pub(super) fn new(field: &mut Field, spec: &Spec) -> Self {
         let mut names = Names::default();
+        if field.has_named_angles() {
+            // all names come first, then the sines and cosines, whatever the order of expressions
+            for (name, quantity) in &spec.geometry {
+                if !mentions_names(&quantity.expr) {
+                    let variable = Variable::Name(name.value.clone());
+                    field.variable(variable, quantity.value.clone());
+                }
+            }
+            field.add_units();
+        }
         for (name, quantity) in &spec.geometry {
             let element = if mentions_names(&quantity.expr) {
                 names.element(field, quantity)
@@ -37,11 +50,21 @@ impl Names {
     /// The element of a quantity of the spec.
     pub(super) fn element(&self, field: &mut Field, quantity: &Quantity) -> Element {
         self.read(field, &quantity.expr).unwrap_or_else(|| {
-            field.variable(
-                Variable::Written((&quantity.value).into()),
-                quantity.value.clone(),
-            )
+            let value = quantity.value.clone();
+            if mentions_names(&quantity.expr) {
+                return Element::without_form(value);
+            }
+            field.variable(Variable::Written((&quantity.value).into()), value)
         })
+    }
+
+    /// Sine and cosine of an angle of the spec.
+    pub(super) fn sin_cos(&self, field: &mut Field, angle: &Quantity) -> (Element, Element) {
+        if !mentions_names(&angle.expr) {
+            return field.sin_cos(&angle.value);
+        }
+        let element = self.element(field, angle);
+        field.sin_cos_of(&element)
     }
 
     fn read(&self, field: &mut Field, expr: &Expr) -> Option<Element> {
@@ -88,20 +111,16 @@ impl Names {
                         let value = a.value().sqrt()?;
                         written(field, Function::Sqrt, &a, value)
                     }
-                    // of a constant angle: the same variables as in a placement
-                    Function::Sin if a.weight() == 0 => field.sin_cos(a.value()).0,
-                    Function::Cos if a.weight() == 0 => field.sin_cos(a.value()).1,
-                    Function::Sin => {
-                        let value = a.value().sin_cos().0;
-                        written(field, Function::Sin, &a, value)
-                    }
-                    Function::Cos => {
-                        let value = a.value().sin_cos().1;
-                        written(field, Function::Cos, &a, value)
-                    }
-                    Function::Tan => {
+                    // the same variables as in a placement
+                    Function::Sin => field.sin_cos_of(&a).0,
+                    Function::Cos => field.sin_cos_of(&a).1,
+                    Function::Tan if a.weight() == 0 => {
                         let value = a.value().tan()?;
                         written(field, Function::Tan, &a, value)
+                    }
+                    Function::Tan => {
+                        let (sin, cos) = field.sin_cos_of(&a);
+                        field.div(&sin, &cos)?
                     }
                     // only effort terms call these, and no combination reads their factors
                     Function::Sign | Function::Abs => return None,
@@ -113,6 +132,51 @@ impl Names {
             }
         })
     }
+}
+
+/// Whether the frames of a mechanism, or a factor of its spec, depend on sines of geometry names.
+fn uses_named_angles(spec: &Spec, model: &Model) -> bool {
+    let links = model.links.iter().map(|link| &link.placement);
+    let cuts = model.cuts.iter().flat_map(|cut| &cut.sides);
+    let steps = links.chain(cuts.map(|side| &side.placement)).flatten();
+    let mut angles = steps.filter_map(|step| match step {
+        Step::Rotate(_, angle) => Some(angle),
+        Step::Translate(..) => None,
+    });
+    if angles.any(|angle| mentions_names(&angle.expr)) {
+        return true;
+    }
+    fn in_call(expr: &Expr) -> bool {
+        match expr {
+            Expr::Number(_) | Expr::Pi | Expr::Name(_) => false,
+            Expr::Call(Function::Sin | Function::Cos | Function::Tan, a) => mentions_names(a),
+            Expr::Neg(a) | Expr::Call(_, a) => in_call(a),
+            Expr::Add(a, b)
+            | Expr::Sub(a, b)
+            | Expr::Mul(a, b)
+            | Expr::Div(a, b)
+            | Expr::Pow(a, b) => in_call(a) || in_call(b),
+        }
+    }
+    let mut spec = spec.clone();
+    let zero = std::mem::take(&mut spec.base.zero);
+    let factors = zero.iter().flat_map(|form| form.terms.iter().map(|t| &t.1));
+    let geometry = std::mem::take(&mut spec.geometry);
+    let geometry = geometry.iter().map(|(_, quantity)| quantity);
+    let mut quantities = spec.quantities_mut().into_iter().map(|q| &*q);
+    geometry.chain(factors).any(|q| in_call(&q.expr)) || quantities.any(|q| in_call(&q.expr))
+}
+
+/// The field of a mechanism's geometry.
+pub(super) fn field(spec: &Spec, model: &Model) -> Field {
+    if !uses_named_angles(spec, model) {
+        return Field::default();
+    }
+    Field::with_units_of(|field| {
+        let linkage = Linkage::new(field, spec, model);
+        coupled::null_directions(field, &linkage, model);
+        known::substitutions(field, spec, model);
+    })
 }
 
 pub(super) fn mentions_names(expr: &Expr) -> bool {
@@ -214,25 +278,30 @@ impl Placed {
                     }
                 }
                 Step::Rotate(axis, angle) => {
-                    if angle.is_zero() {
+                    let (sin, cos) = names.sin_cos(field, angle);
+                    if sin.is_zero() && cos.is_one() {
                         continue;
                     }
-                    let (sin, cos) = field.sin_cos(angle);
-                    // a rotation in the plane of columns j and k
-                    let (j, k) = match axis {
-                        Axis::X => (1, 2),
-                        Axis::Y => (2, 0),
-                        Axis::Z => (0, 1),
-                    };
-                    for row in &mut placed.rotation {
-                        let (a, b) = (row[j].clone(), row[k].clone());
-                        row[j] = field.dot(&[a.clone(), b.clone()], &[cos.clone(), sin.clone()]);
-                        row[k] = field.dot(&[a, b], &[sin.neg(), cos.clone()]);
-                    }
+                    placed.turn(field, *axis, &(sin, cos));
                 }
             }
         }
         placed
+    }
+
+    /// Rotates the frame about one of its axes by an angle, given by its sine and cosine.
+    pub(super) fn turn(&mut self, field: &mut Field, axis: Axis, (sin, cos): &(Element, Element)) {
+        // a rotation in the plane of columns j and k
+        let (j, k) = match axis {
+            Axis::X => (1, 2),
+            Axis::Y => (2, 0),
+            Axis::Z => (0, 1),
+        };
+        for row in &mut self.rotation {
+            let (a, b) = (row[j].clone(), row[k].clone());
+            row[j] = field.dot(&[a.clone(), b.clone()], &[cos.clone(), sin.clone()]);
+            row[k] = field.dot(&[a, b], &[sin.neg(), cos.clone()]);
+        }
     }
 
     /// The inverse change of frame: the parent's frame in the child's.

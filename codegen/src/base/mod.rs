@@ -184,7 +184,7 @@ fn derive_with_completion(
     target: Option<usize>,
     completion: Option<&null_completion::NullCompletion<'_>>,
 ) -> Base {
-    let mut field = Field::default();
+    let mut field = geometry::field(spec, model);
     let linkage = linkage::Linkage::new(&mut field, spec, model);
     // layer 2, velocity constraints: directions of friction parameters, then of the bodies
     let mut start = Span::default();

@@ -45,6 +45,19 @@ fn quotient(a: &Monomial, b: &Monomial) -> Option<Monomial> {
     Some(result)
 }
 
+/// The quotient of two monomials in lowest terms.
+pub(super) fn lowest(above: &Monomial, below: &Monomial) -> (Monomial, Monomial) {
+    let (mut above, mut below) = (above.clone(), below.clone());
+    for (a, b) in above.iter_mut().zip(&mut below) {
+        let common = (*a).min(*b);
+        *a -= common;
+        *b -= common;
+    }
+    trim(&mut above);
+    trim(&mut below);
+    (above, below)
+}
+
 fn trim(m: &mut Monomial) {
     while m.last() == Some(&0) {
         m.pop();
@@ -129,6 +142,44 @@ impl Polynomial {
             for (m2, c2) in &other.terms {
                 result.push_reduced(product(m1, m2), c1.mul(c2), variables);
             }
+        }
+        result
+    }
+
+    /// The polynomial with the squares of a cosine, at `cosine`, written with the sine at `sine`.
+    pub(super) fn with_squares_of_sine(&self, cosine: usize, sine: usize) -> Self {
+        let one = Polynomial::constant(Number::one());
+        let square = Polynomial::variable(sine).plain_mul(&Polynomial::variable(sine));
+        let square = one.add(&square.neg());
+        let powers = self.by_powers(cosine);
+        let mut result = Polynomial::default();
+        for (power, factor) in powers.iter().enumerate() {
+            let squares = (0..power / 2).fold(factor.clone(), |p, _| p.plain_mul(&square));
+            result = result.add(&if power % 2 == 0 {
+                squares
+            } else {
+                squares.plain_mul(&Polynomial::variable(cosine))
+            });
+        }
+        result
+    }
+
+    /// The polynomial with other polynomials in place of some variables.
+    pub(super) fn replaced(
+        &self,
+        replacement: &dyn Fn(usize) -> Option<Polynomial>,
+        variables: &Variables,
+    ) -> Self {
+        let mut result = Polynomial::default();
+        for (monomial, factor) in &self.terms {
+            let mut term = Polynomial::constant(factor.clone());
+            for (index, power) in monomial.iter().enumerate() {
+                let base = replacement(index).unwrap_or_else(|| Polynomial::variable(index));
+                for _ in 0..*power {
+                    term = term.mul(&base, variables);
+                }
+            }
+            result = result.add(&term);
         }
         result
     }
@@ -218,7 +269,7 @@ impl Polynomial {
         p
     }
 
-    fn variables_used(&self) -> Vec<usize> {
+    pub(super) fn variables_used(&self) -> Vec<usize> {
         let mut used: Vec<usize> = self
             .terms
             .keys()

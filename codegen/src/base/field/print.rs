@@ -8,7 +8,7 @@ use dashu_ratio::RBig;
 use crate::base::Coefficient;
 use crate::sym::Number;
 
-use super::polynomial::Monomial;
+use super::polynomial::{Monomial, lowest};
 use super::{Polynomial, Ratio, Variables};
 
 /// The factors of a monomial: powers of variables.
@@ -85,20 +85,28 @@ fn over(p: &Polynomial, below: &[Coefficient], variables: &Variables) -> Coeffic
 /// A polynomial divided by a monomial, each term in lowest terms.
 fn over_monomial(p: &Polynomial, below: &Monomial, variables: &Variables) -> Coefficient {
     sum(p, |coefficient, monomial| {
-        let (mut above, mut under) = (monomial.clone(), below.clone());
-        for (a, u) in above.iter_mut().zip(&mut under) {
-            let common = (*a).min(*u);
-            *a -= common;
-            *u -= common;
-        }
+        let (above, under) = lowest(monomial, below);
         let under = factors(&under, variables);
         term(coefficient, &above, &under, variables)
+    })
+}
+
+/// A polynomial with sin^2 of named angles in place of 1 - cos^2 wherever that is shorter.
+fn with_squares(p: &Polynomial, variables: &Variables) -> Polynomial {
+    let size = |p: &Polynomial| -> (usize, u32) {
+        let powers = p.terms.keys().flatten();
+        (p.terms.len(), powers.map(|e| u32::from(*e)).sum())
+    };
+    variables.named_sines().fold(p.clone(), |p, (sine, cosine)| {
+        let other = p.with_squares_of_sine(cosine, sine);
+        if size(&other) < size(&p) { other } else { p }
     })
 }
 
 /// A quotient as it is printed.
 pub(super) fn ratio(r: &Ratio, variables: &Variables) -> Coefficient {
     let (n, d) = (r.numerator(), r.denominator());
+    let (n, d) = &(with_squares(n, variables), with_squares(d, variables));
     if d.as_constant().is_some() {
         return over(n, &[], variables);
     }

@@ -2,6 +2,7 @@
 
 use crate::sym::Number;
 
+use super::polynomial::Monomial;
 use super::{Polynomial, Variables};
 
 /// A quotient of polynomials; the denominator's leading coefficient is 1.
@@ -27,6 +28,27 @@ impl Ratio {
         Ratio {
             numerator: Polynomial::variable(index),
             denominator: Polynomial::constant(Number::one()),
+        }
+    }
+
+    /// The quotient of two products of variables without common factors.
+    pub(super) fn of_monomials(above: Monomial, below: Monomial) -> Self {
+        Ratio {
+            numerator: Polynomial::from_monomial(above),
+            denominator: Polynomial::from_monomial(below),
+        }
+    }
+
+    /// The products of variables above and below the line.
+    pub(super) fn monomials(&self) -> [Vec<Monomial>; 2] {
+        [&self.numerator, &self.denominator].map(|p| p.terms.keys().cloned().collect())
+    }
+
+    /// The product with a number other than 0.
+    pub(super) fn scaled(&self, factor: &Number) -> Self {
+        Ratio {
+            numerator: self.numerator.scaled(factor),
+            denominator: self.denominator.clone(),
         }
     }
 
