@@ -81,7 +81,8 @@ pub enum Exactness {
     /// verified at other values of the names.
     Symbolic,
     /// All factors are known exactly at the given geometry, but not how all of them depend on its
-    /// names. This includes completed factors if [`Base::unvaried_names`] is not empty.
+    /// names. This includes completed factors if [`Base::unvaried_names`] is not empty, and derived
+    /// ones whose expressions in the names have too many terms.
     AtThisGeometry,
     /// Some factors were not recognised: only their numeric values are known.
     Numeric,
@@ -146,8 +147,8 @@ pub struct Base {
     /// How many of these directions change a force at the sampled states. This must be 0; otherwise
     /// the derivation is wrong. Also 0 if there are no samples.
     pub refuted: usize,
-    /// Factors of completed directions of which only numeric values are known, each with the
-    /// reason.
+    /// Factors of which only numeric values are known, each with the reason: those of completed
+    /// directions, and how many expressions in the names have too many terms.
     pub unrecognised: Vec<String>,
     /// Names that layer 3 could not vary, or only in proportion to each other. Completed factors
     /// are verified only at the given values or ratios of these names. Each entry has the reason.
@@ -265,6 +266,15 @@ fn derive_with_completion(
                 (Provenance::Completed, *e)
             })
     };
+    let mut hidden = 0_usize;
+    let mut exactness_of = |element: &Element| {
+        if element.hides_names() {
+            hidden += 1;
+            Exactness::AtThisGeometry
+        } else {
+            Exactness::Symbolic
+        }
+    };
     let substituted: Vec<usize> = known.iter().map(|k| k.column).collect();
     let groups = model.column_groups().into_iter().flatten();
     let parameters = groups
@@ -284,6 +294,9 @@ fn derive_with_completion(
             let mut terms: Vec<(usize, Element)> = combined.collect();
             // short coefficients first; among these, bodies far from the ground first
             terms.sort_by_key(|(column, e)| (e.weight(), usize::MAX - column));
+            for (_, element) in &terms {
+                exactness = exactness.max(exactness_of(element));
+            }
             let label = &model.parameters[c].label;
             BaseParameter {
                 column: c,
@@ -297,9 +310,18 @@ fn derive_with_completion(
             }
         })
         .collect();
+    if hidden > 0 {
+        let plural = if hidden == 1 { "" } else { "s" };
+        unrecognised.push(format!(
+            "{hidden} factor{plural} of too many terms in names of the geometry, written as numbers"
+        ));
+    }
     let null = reduced.rows.iter().map(|(column, row)| {
         let entries = row.range(..columns);
-        let (provenance, exactness) = provenance_of(row);
+        let (provenance, mut exactness) = provenance_of(row);
+        if entries.clone().any(|(_, e)| e.hides_names()) {
+            exactness = exactness.max(Exactness::AtThisGeometry);
+        }
         NullDirection {
             column: *column,
             terms: entries.map(|(c, e)| term(&field, *c, e)).collect(),
