@@ -1,6 +1,8 @@
 //! The geometry as elements of the field: lengths from their expressions, frames from their
 //! placement steps, and the transformation of twists and parameters between frames.
 
+use std::collections::BTreeSet;
+
 use crate::model::{Model, Placement, Step};
 use crate::spec::{Axis, Expr, Function, Quantity, Spec};
 use crate::sym::Number;
@@ -134,42 +136,60 @@ impl Names {
     }
 }
 
-/// Whether the frames of a mechanism, or a factor of its spec, depend on sines of geometry names.
-fn uses_named_angles(spec: &Spec, model: &Model) -> bool {
-    let links = model.links.iter().map(|link| &link.placement);
-    let cuts = model.cuts.iter().flat_map(|cut| &cut.sides);
-    let steps = links.chain(cuts.map(|side| &side.placement)).flatten();
-    let mut angles = steps.filter_map(|step| match step {
-        Step::Rotate(_, angle) => Some(angle),
-        Step::Translate(..) => None,
-    });
-    if angles.any(|angle| mentions_names(&angle.expr)) {
-        return true;
-    }
-    fn in_call(expr: &Expr) -> bool {
+/// The names on which angles of a mechanism depend, and arguments of sines in its spec; with a name,
+/// those that define it.
+pub fn angle_names(spec: &Spec, model: &Model) -> BTreeSet<String> {
+    fn add(expr: &Expr, is_angle: bool, found: &mut BTreeSet<String>) {
         match expr {
-            Expr::Number(_) | Expr::Pi | Expr::Name(_) => false,
-            Expr::Call(Function::Sin | Function::Cos | Function::Tan, a) => mentions_names(a),
-            Expr::Neg(a) | Expr::Call(_, a) => in_call(a),
+            Expr::Number(_) | Expr::Pi => {}
+            Expr::Name(name) => {
+                if is_angle {
+                    found.insert(name.clone());
+                }
+            }
+            Expr::Call(Function::Sin | Function::Cos | Function::Tan, a) => add(a, true, found),
+            Expr::Neg(a) | Expr::Call(_, a) => add(a, is_angle, found),
             Expr::Add(a, b)
             | Expr::Sub(a, b)
             | Expr::Mul(a, b)
             | Expr::Div(a, b)
-            | Expr::Pow(a, b) => in_call(a) || in_call(b),
+            | Expr::Pow(a, b) => {
+                add(a, is_angle, found);
+                add(b, is_angle, found);
+            }
         }
     }
-    let mut spec = spec.clone();
-    let zero = std::mem::take(&mut spec.base.zero);
-    let factors = zero.iter().flat_map(|form| form.terms.iter().map(|t| &t.1));
-    let geometry = std::mem::take(&mut spec.geometry);
-    let geometry = geometry.iter().map(|(_, quantity)| quantity);
-    let mut quantities = spec.quantities_mut().into_iter().map(|q| &*q);
-    geometry.chain(factors).any(|q| in_call(&q.expr)) || quantities.any(|q| in_call(&q.expr))
+    let mut found = BTreeSet::new();
+    let mut lengths: Vec<&Quantity> = model.gravity.iter().collect();
+    let links = model.links.iter();
+    lengths.extend(links.clone().filter_map(|link| link.motion.as_ref()?.lead.as_ref()));
+    lengths.extend(model.cuts.iter().filter_map(|cut| cut.lead.as_ref()));
+    let forms = spec.base.zero.iter().chain(spec.couplings.iter().map(|c| &c.1));
+    lengths.extend(forms.flat_map(|form| form.terms.iter().map(|term| &term.1)));
+    let sides = model.cuts.iter().flat_map(|cut| &cut.sides);
+    let placements = links.map(|link| &link.placement);
+    for step in placements.chain(sides.map(|s| &s.placement)).flatten() {
+        match step {
+            Step::Rotate(_, angle) => add(&angle.expr, true, &mut found),
+            Step::Translate(_, length) => lengths.push(length),
+        }
+    }
+    lengths.extend(spec.geometry.iter().map(|(_, quantity)| quantity));
+    for quantity in lengths {
+        add(&quantity.expr, false, &mut found);
+    }
+    // a name is defined by earlier ones only
+    for (name, quantity) in spec.geometry.iter().rev() {
+        if found.contains(&name.value) {
+            add(&quantity.expr, true, &mut found);
+        }
+    }
+    found
 }
 
 /// The field of a mechanism's geometry.
 pub(super) fn field(spec: &Spec, model: &Model) -> Field {
-    if !uses_named_angles(spec, model) {
+    if angle_names(spec, model).is_empty() {
         return Field::default();
     }
     Field::with_units_of(|field| {

@@ -40,6 +40,7 @@ mod trees;
 
 pub use analysis::{Analysis, analyse};
 pub use coefficient::Coefficient;
+pub use geometry::angle_names;
 pub use link_path::{Freedom, LinearForm, LinkPath, is_implied_by, link_paths};
 pub use null_completion::recognise;
 pub use rates::velocity_constraints;
@@ -153,6 +154,13 @@ pub struct Base {
     /// Names that layer 3 could not vary, or only in proportion to each other. Completed factors
     /// are verified only at the given values or ratios of these names. Each entry has the reason.
     pub unvaried_names: Vec<String>,
+    /// Where angles have names: the names at other values of which every row was compared with the
+    /// mechanism, except rows that are [`Exactness::AtThisGeometry`]. Empty if it was not sampled
+    /// there, or does not close.
+    pub varied_names: Vec<String>,
+    /// Where angles have names: values of these at which the rank is lower, with the rank there, such
+    /// as `12 at alpha = pi/2`.
+    pub special_angles: Vec<String>,
     /// Equalities of names that hold by their given values only and that the derivation relied on,
     /// such as `l1 = l2`. At other values the base parameters may differ.
     pub coincidences: Vec<String>,
@@ -256,6 +264,14 @@ fn derive_with_completion(
         };
         exchange::exchange(&mut field, &mut reduced, &rules);
     }
+    let elsewhere = completion.and_then(|completion| {
+        let rows = reduced.rows.iter().map(|(column, row)| (*column, row));
+        completion.compare_elsewhere(&field, spec, model, rows)
+    });
+    let holds_elsewhere = |column: &usize| {
+        let elsewhere = elsewhere.as_ref();
+        elsewhere.is_none_or(|elsewhere| !elsewhere.failing.contains(column))
+    };
     // A reduced row is completed if it has an entry in a tag column. Its factors are known as well
     // as those of the least exact completed direction that it uses.
     let provenance_of = |row: &Vector| -> (Provenance, Exactness) {
@@ -289,6 +305,9 @@ fn derive_with_completion(
                     provenance = Provenance::Completed;
                     exactness = exactness.max(of_row);
                 }
+                if !holds_elsewhere(eliminated) {
+                    exactness = exactness.max(Exactness::AtThisGeometry);
+                }
                 Some((*eliminated, factor))
             });
             let mut terms: Vec<(usize, Element)> = combined.collect();
@@ -319,7 +338,7 @@ fn derive_with_completion(
     let null = reduced.rows.iter().map(|(column, row)| {
         let entries = row.range(..columns);
         let (provenance, mut exactness) = provenance_of(row);
-        if entries.clone().any(|(_, e)| e.hides_names()) {
+        if entries.clone().any(|(_, e)| e.hides_names()) || !holds_elsewhere(column) {
             exactness = exactness.max(Exactness::AtThisGeometry);
         }
         NullDirection {
@@ -345,6 +364,10 @@ fn derive_with_completion(
         refuted,
         unrecognised,
         unvaried_names,
+        special_angles: completion.map_or_else(Vec::new, |completion| {
+            completion.special_angles(spec, model, model.parameters.len() - null_dimension)
+        }),
+        varied_names: elsewhere.map_or_else(Vec::new, |elsewhere| elsewhere.names),
         coincidences: field.coincidences().map(str::to_owned).collect(),
     }
 }

@@ -52,6 +52,8 @@ enum Form {
 pub struct Field {
     pub(crate) variables: Variables,
     coincidences: BTreeSet<String>,
+    /// Where angles have names: the polynomials of the coincidences, without common factors.
+    zeros: Vec<(Polynomial, String)>,
     angles: Angles,
     /// Whether angles with names are noted only, so that units can be chosen for them.
     notes_angles: bool,
@@ -278,7 +280,8 @@ impl Field {
     fn sin_cos_of_unit(&mut self, unit: usize) -> (Element, Element) {
         let ratio = self.angles.unit(unit, &self.variables);
         let ratio = ratio.unwrap_or_else(Ratio::zero);
-        let value = self.value_of(&ratio);
+        let value = ratio.value(&|index| self.variables.value(index));
+        let value = value.unwrap_or_else(Number::zero);
         let (sin, cos) = value.sin_cos();
         if sin.is_zero() || cos.is_zero() {
             let unit = Element::new(value.clone(), ratio);
@@ -289,21 +292,24 @@ impl Field {
         self.variables_of(&argument, (sin, cos))
     }
 
-    /// The value of an expression.
-    fn value_of(&self, ratio: &Ratio) -> Number {
-        let value = |p: &Polynomial| {
-            let terms = p.terms.iter().map(|(monomial, factor)| {
-                let powers = monomial.iter().enumerate();
-                powers.fold(factor.clone(), |product, (index, power)| {
-                    let value = self.variables.value(index);
-                    let power = value.and_then(|v| v.powi(i64::from(*power)));
-                    product.mul(&power.unwrap_or_else(Number::one))
-                })
-            });
-            terms.fold(Number::zero(), |sum, term| sum.add(&term))
-        };
-        let (above, below) = (value(ratio.numerator()), value(ratio.denominator()));
-        above.div(&below).unwrap_or_else(Number::zero)
+    /// The values of all variables, where `evaluate` gives the value of an expression.
+    pub(crate) fn values_with(
+        &self,
+        evaluate: &dyn Fn(&str) -> Option<Number>,
+    ) -> Option<Vec<Number>> {
+        let all = 0..self.variables.count();
+        all.map(|index| evaluate(&self.variables.name(index).to_string()))
+            .collect()
+    }
+
+    /// The value of an element for other values of the variables; `None` if only its number is known,
+    /// though it depends on names.
+    pub(crate) fn value_at(&self, element: &Element, values: &[Number]) -> Option<Number> {
+        match &element.form {
+            Form::Constant | Form::TooLong { of_names: false } => Some(element.value.clone()),
+            Form::Expression(ratio) => ratio.value(&|index| values.get(index)),
+            Form::TooLong { of_names: true } => None,
+        }
     }
 
     /// `a + b`.
@@ -366,6 +372,22 @@ impl Field {
         let p = form.numerator();
         let equation = self.equality_of_angles(p);
         let equation = equation.unwrap_or_else(|| print::coincidence(p, &self.variables));
+        if self.has_named_angles() {
+            // an equation that follows from another one says nothing new
+            let p = p.without(&p.common_monomial());
+            if self.zeros.iter().any(|(zero, _)| p.divided(zero).is_some()) {
+                return;
+            }
+            let (coincidences, zeros) = (&mut self.coincidences, &mut self.zeros);
+            zeros.retain(|(zero, implied)| {
+                let keeps = *implied == equation || zero.divided(&p).is_none();
+                if !keeps {
+                    coincidences.remove(implied);
+                }
+                keeps
+            });
+            self.zeros.push((p, equation.clone()));
+        }
         self.coincidences.insert(equation);
     }
 
@@ -395,10 +417,21 @@ impl Field {
                     }
                 };
                 if p.replaced(&equal, &self.variables).is_zero() {
-                    let angle = |index: usize| Some(self.variables.angle_of(index)?.0);
-                    let other = angle(*other_sin)?;
-                    let other = if opposite { other.negated() } else { other };
-                    return Some(format!("{} = {other}", angle(*sin)?));
+                    let (angle, value) = self.variables.angle_of(*sin)?;
+                    let (other, other_value) = self.variables.angle_of(*other_sin)?;
+                    // equal but for whole turns
+                    let (value, other_value) = (value?, other_value?);
+                    let turns = if opposite {
+                        value.add(other_value)
+                    } else {
+                        value.sub(other_value)
+                    };
+                    let mut terms = vec![(opposite, other)];
+                    if !turns.is_zero() {
+                        let turns = (false, Coefficient::from(&turns));
+                        terms.insert(usize::from(!opposite), turns);
+                    }
+                    return Some(format!("{angle} = {}", Coefficient::sum(terms)));
                 }
             }
         }

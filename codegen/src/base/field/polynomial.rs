@@ -13,6 +13,9 @@ pub(super) type Monomial = Vec<u8>;
 /// The largest number of terms of an expression; longer ones are dropped, as nobody would read
 /// them.
 const MAX_TERMS: usize = 40;
+/// The largest power of a variable: the terms of longer expressions cancel, so that doubles could not
+/// evaluate them.
+const MAX_POWER: u8 = 32;
 /// The largest number of steps for a greatest common divisor; then 1 is used instead.
 const MAX_GCD_STEPS: usize = 24;
 
@@ -43,6 +46,13 @@ fn quotient(a: &Monomial, b: &Monomial) -> Option<Monomial> {
     }
     trim(&mut result);
     Some(result)
+}
+
+/// The largest monomial that divides two others.
+pub(super) fn shared(a: &Monomial, b: &Monomial) -> Monomial {
+    let mut common: Monomial = a.iter().zip(b).map(|(x, y)| *x.min(y)).collect();
+    trim(&mut common);
+    common
 }
 
 /// The quotient of two monomials in lowest terms.
@@ -93,7 +103,8 @@ impl Polynomial {
     }
 
     pub(super) fn too_long(&self) -> bool {
-        self.terms.len() > MAX_TERMS
+        let mut powers = self.terms.keys().flatten();
+        self.terms.len() > MAX_TERMS || powers.any(|power| *power > MAX_POWER)
     }
 
     fn push(&mut self, monomial: Monomial, value: Number) {
@@ -160,6 +171,45 @@ impl Polynomial {
             } else {
                 squares.plain_mul(&Polynomial::variable(cosine))
             });
+        }
+        result
+    }
+
+    /// The polynomial with sine and cosine of twice an angle in place of products of those of the
+    /// angle; each pair gives the sine first.
+    pub(super) fn with_double_angle(
+        &self,
+        [sine, cosine]: [usize; 2],
+        [double_sine, double_cosine]: [usize; 2],
+    ) -> Self {
+        let half = Number::ratio(1, 2).unwrap_or_else(Number::one);
+        let halved = |p: Polynomial| p.scaled(&half);
+        // cos^2 = (1 + cos 2x)/2
+        let one = Polynomial::constant(Number::one());
+        let square = halved(one.add(&Polynomial::variable(double_cosine)));
+        let mut result = Polynomial::default();
+        for (monomial, factor) in &self.terms {
+            let power = |index: usize| monomial.get(index).copied().unwrap_or(0);
+            let (sines, cosines) = (power(sine), power(cosine));
+            let mut rest = monomial.clone();
+            for index in [sine, cosine] {
+                if let Some(e) = rest.get_mut(index) {
+                    *e = 0;
+                }
+            }
+            trim(&mut rest);
+            let mut term = Polynomial::default();
+            term.push(rest, factor.clone());
+            for _ in 0..cosines / 2 {
+                term = term.plain_mul(&square);
+            }
+            term = match (sines, cosines % 2) {
+                (0, 0) => term,
+                (0, _) => term.plain_mul(&Polynomial::variable(cosine)),
+                (_, 0) => term.plain_mul(&Polynomial::variable(sine)),
+                _ => halved(term.plain_mul(&Polynomial::variable(double_sine))),
+            };
+            result = result.add(&term);
         }
         result
     }

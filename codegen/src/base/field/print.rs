@@ -91,22 +91,53 @@ fn over_monomial(p: &Polynomial, below: &Monomial, variables: &Variables) -> Coe
     })
 }
 
-/// A polynomial with sin^2 of named angles in place of 1 - cos^2 wherever that is shorter.
-fn with_squares(p: &Polynomial, variables: &Variables) -> Polynomial {
-    let size = |p: &Polynomial| -> (usize, u32) {
-        let powers = p.terms.keys().flatten();
-        (p.terms.len(), powers.map(|e| u32::from(*e)).sum())
-    };
-    variables.named_sines().fold(p.clone(), |p, (sine, cosine)| {
-        let other = p.with_squares_of_sine(cosine, sine);
-        if size(&other) < size(&p) { other } else { p }
-    })
+/// How long a polynomial is: its number of terms, and the sum of all powers.
+fn size(p: &Polynomial) -> (usize, u32) {
+    let powers = p.terms.keys().flatten();
+    (p.terms.len(), powers.map(|e| u32::from(*e)).sum())
+}
+
+/// A polynomial with other functions of named angles wherever these make it shorter: sin^2 in place of
+/// 1 - cos^2, and sines of twice an angle in place of products, which are added to the variables.
+fn shortest(p: &Polynomial, variables: &mut Variables) -> Polynomial {
+    let mut best = p.clone();
+    let used = p.variables_used();
+    let angles: Vec<(usize, usize)> = variables
+        .named_sines()
+        .filter(|(sine, cosine)| used.contains(sine) || used.contains(cosine))
+        .collect();
+    for (sine, cosine) in angles {
+        let squares = best.with_squares_of_sine(cosine, sine);
+        let mut own = best.clone();
+        if size(&squares) < size(&own) {
+            own = squares;
+        }
+        if own.terms.len() > 1
+            && let Some((double_sine, double_cosine)) = variables.doubled(sine)
+        {
+            let doubled = best.with_double_angle([sine, cosine], [double_sine, double_cosine]);
+            let squares = doubled.with_squares_of_sine(double_cosine, double_sine);
+            for other in [doubled, squares] {
+                if other.terms.len() < own.terms.len() {
+                    own = other;
+                }
+            }
+        }
+        best = own;
+    }
+    best
 }
 
 /// A quotient as it is printed.
 pub(super) fn ratio(r: &Ratio, variables: &Variables) -> Coefficient {
     let (n, d) = (r.numerator(), r.denominator());
-    let (n, d) = &(with_squares(n, variables), with_squares(d, variables));
+    let mut variables = variables.clone();
+    let (n, d) = (shortest(n, &mut variables), shortest(d, &mut variables));
+    let variables = &variables;
+    // the leading coefficient of the denominator is 1 again
+    let inverse = d.leading().and_then(|(_, lead)| Number::one().div(lead));
+    let inverse = inverse.unwrap_or_else(Number::one);
+    let (n, d) = &(n.scaled(&inverse), d.scaled(&inverse));
     if d.as_constant().is_some() {
         return over(n, &[], variables);
     }

@@ -37,7 +37,7 @@ impl Argument {
 }
 
 /// All variables with their values.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Variables {
     all: Vec<(Variable, Number)>,
 }
@@ -68,6 +68,11 @@ impl Variables {
             .map(|(i, _)| i)
     }
 
+    /// The number of variables.
+    pub(super) fn count(&self) -> usize {
+        self.all.len()
+    }
+
     /// The value of a variable.
     pub(super) fn value(&self, index: usize) -> Option<&Number> {
         self.all.get(index).map(|v| &v.1)
@@ -83,6 +88,21 @@ impl Variables {
             Some(Variable::Written(expression)) => expression.mentions_names(),
             None => false,
         }
+    }
+
+    /// For a sine of a named angle, the indices of sine and cosine of twice the angle, which are added
+    /// if they are new.
+    pub(super) fn doubled(&mut self, sine: usize) -> Option<(usize, usize)> {
+        let (Variable::Sin(Argument::Named(angle, value)), _) = self.all.get(sine)? else {
+            return None;
+        };
+        let double = value.add(value);
+        let (sin, cos) = double.sin_cos();
+        let angle = Argument::Named(angle.doubled(), double);
+        Some((
+            self.index(Variable::Sin(angle.clone()), sin),
+            self.index(Variable::Cos(angle), cos),
+        ))
     }
 
     /// The indices of all sines of angles in geometry names, each with that of its cosine.
