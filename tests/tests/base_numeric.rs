@@ -260,7 +260,10 @@ fn check_other_angles(text: &str, derivation: &Derivation, angles: &[&str], what
                 Derivation::value_at(term, &spec)
             })
             .unwrap();
-        let geometry = other.lines().find(|line| line.starts_with("geometry")).unwrap();
+        let geometry = other
+            .lines()
+            .find(|line| line.starts_with("geometry"))
+            .unwrap();
         assert!(found.error < 1e-9, "{what}, {geometry}: {found:?}");
         assert_eq!(found.rank, count, "{what}, {geometry}: {found:?}");
         assert!(found.gap > 1e3, "{what}, {geometry}: {found:?}");
@@ -286,13 +289,25 @@ fn one_derivation_is_right_at_other_named_angles() {
 /// An arm whose twists are written with the names al and be in the ways that specs write angles.
 fn arm_with_named_angles(seed: u64) -> String {
     const WAYS: [&str; 16] = [
-        "0", "pi/2", "-pi/2", "pi/6", "al", "-al", "pi/2 + al", "al - pi/2", "pi - be", "al/2",
-        "2*be", "al + be", "al - be/2", "(al + be)/2", "0.3 + al", "pi/6 - 3*be",
+        "0",
+        "pi/2",
+        "-pi/2",
+        "pi/6",
+        "al",
+        "-al",
+        "pi/2 + al",
+        "al - pi/2",
+        "pi - be",
+        "al/2",
+        "2*be",
+        "al + be",
+        "al - be/2",
+        "(al + be)/2",
+        "0.3 + al",
+        "pi/6 - 3*be",
     ];
     let mut random = Random::new(seed);
-    let mut one_of = |all: &[&'static str]| {
-        all[random.uniform(0.0, all.len() as f64) as usize]
-    };
+    let mut one_of = |all: &[&'static str]| all[random.uniform(0.0, all.len() as f64) as usize];
     let mut text = format!(
         "name: arm\ngeometry: {{al: {}, be: {}, l: 0.37, h: {}}}\nlimbs:\n  - name: arm\n    \
          base: {{rpy: [{}, {}, 0]}}\n    joints:\n",
@@ -313,9 +328,8 @@ fn arm_with_named_angles(seed: u64) -> String {
             let (x, z) = (one_of(&["0", "l"]), one_of(&["0", "h"]));
             format!("origin: {{xyz: [{x}, 0, {z}], rpy: [{rpy}]}}")
         };
-        text += &format!(
-            "      - {{name: q{k}, type: {kind}, {frame}, body: {k}, actuated: true}}\n"
-        );
+        text +=
+            &format!("      - {{name: q{k}, type: {kind}, {frame}, body: {k}, actuated: true}}\n");
     }
     text
 }

@@ -1,11 +1,11 @@
 //! `regen base`: the base parameters and their certificate.
 
 use regen_codegen::Mechanism;
-use regen_codegen::diag::Source;
-use regen_codegen::spec::{self, edit::with_geometry};
 use regen_codegen::base::{Analysis, store};
+use regen_codegen::diag::Source;
 use regen_codegen::explain::Grouped;
 use regen_codegen::explain::table::{Style, Table, doubt};
+use regen_codegen::spec::{self, edit::with_geometry};
 use regen_report::results;
 
 use crate::args::{BaseArgs, TableFormat};
@@ -58,14 +58,20 @@ fn at_values(source: &Source, values: &[String]) -> Result<String, Failure> {
     let pairs = values.iter().map(|given| {
         let pair = given.split_once('=').map(|(n, v)| (n.trim(), v.trim()));
         pair.filter(|(_, value)| !value.is_empty()).ok_or_else(|| {
-            Failure::Input(format!("--at '{given}': write NAME=VALUE, as in alpha=pi/2"))
+            Failure::Input(format!(
+                "--at '{given}': write NAME=VALUE, as in alpha=pi/2"
+            ))
         })
     });
     let pairs: Vec<(&str, &str)> = pairs.collect::<Result<_, _>>()?;
     let twice = |(k, (name, _)): (usize, &(&str, &str))| {
         pairs.iter().take(k).any(|(other, _)| other == name)
     };
-    if let Some((_, (name, _))) = pairs.iter().enumerate().find(|(k, pair)| twice((*k, *pair))) {
+    if let Some((_, (name, _))) = pairs
+        .iter()
+        .enumerate()
+        .find(|(k, pair)| twice((*k, *pair)))
+    {
         return Err(Failure::Input(format!("--at: '{name}' is given twice")));
     }
     for (name, value) in &pairs {

@@ -62,7 +62,9 @@ impl Known {
             let product = |powers: [u8; 2]| {
                 let factors = [("cos", cos), ("sin", sin)].into_iter().zip(powers);
                 let factors: Vec<_> = factors.filter(|(_, power)| *power > 0).collect();
-                let value = factors.iter().map(|((_, x), power)| x.powi(i32::from(*power)));
+                let value = factors
+                    .iter()
+                    .map(|((_, x), power)| x.powi(i32::from(*power)));
                 let sines = factors.iter().map(|((function, _), power)| Sine {
                     function,
                     angle: angle.clone(),
@@ -112,7 +114,11 @@ pub(crate) fn form(value: f64, known: &Known) -> Option<Form<'_>> {
     for (size, factor) in FACTORS {
         for inverse in [false, true] {
             let is = |length: f64| {
-                let known = if inverse { size / length } else { size * length };
+                let known = if inverse {
+                    size / length
+                } else {
+                    size * length
+                };
                 near(known, value)
             };
             let mut found = lengths.iter().filter(|(_, length)| is(*length));
@@ -143,7 +149,10 @@ impl<'n> Form<'n> {
 /// decimal of four digits, such as gravity.
 fn with_sines(value: f64, known: &Known) -> Option<Form<'_>> {
     let one: (Option<&str>, f64) = (None, 1.0);
-    let named = known.lengths.iter().filter(|name| !known.angles.contains(name));
+    let named = known
+        .lengths
+        .iter()
+        .filter(|name| !known.angles.contains(name));
     let named = named.map(|(name, x)| (Some(name.as_str()), *x));
     let lengths: Vec<(Option<&str>, f64)> = std::iter::once(one).chain(named).collect();
     let mut found: Vec<Form<'_>> = Vec::new();
@@ -262,7 +271,10 @@ mod tests {
         assert_eq!(of(0.123), None);
         // an angle of which the digits cannot tell the sine from the cosine
         let twins = [("x".to_owned(), std::f64::consts::FRAC_PI_4 - 0.2)];
-        let other = [twins[0].clone(), ("y".to_owned(), std::f64::consts::FRAC_PI_4 + 0.2)];
+        let other = [
+            twins[0].clone(),
+            ("y".to_owned(), std::f64::consts::FRAC_PI_4 + 0.2),
+        ];
         let both = Known::new(&other, &["x".to_owned(), "y".to_owned()]);
         assert_eq!(form(twins[0].1.cos(), &both), None);
     }

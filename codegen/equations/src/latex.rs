@@ -57,7 +57,11 @@ impl Spelling for Latex<'_> {
                 1 => String::new(),
                 power => format!("^{{{power}}}"),
             };
-            over.push(format!("\\{}{power} {}", sine.function, symbol(&sine.angle, "")));
+            over.push(format!(
+                "\\{}{power} {}",
+                sine.function,
+                symbol(&sine.angle, "")
+            ));
         }
         let level = if over.len() > 1 && under.is_empty() {
             Level::Product

@@ -158,7 +158,11 @@ impl Coefficient {
             Self::Neg(inner) => inner.doubled().negated(),
             Self::Sum(terms) => {
                 let terms = terms.iter();
-                Self::Sum(terms.map(|(minus, term)| (*minus, term.doubled())).collect())
+                Self::Sum(
+                    terms
+                        .map(|(minus, term)| (*minus, term.doubled()))
+                        .collect(),
+                )
             }
             Self::Quotient(above, below) => match &**below {
                 Self::Number(digits) => match whole(digits) {

@@ -9,9 +9,9 @@ use crate::sym::Number;
 
 use super::Coefficient;
 use super::coupled;
+use super::field::{Element, Field, Variable};
 use super::known;
 use super::linkage::Linkage;
-use super::field::{Element, Field, Variable};
 
 /// A vector of three elements.
 pub(super) type E3 = [Element; 3];
@@ -162,9 +162,17 @@ pub fn angle_names(spec: &Spec, model: &Model) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     let mut lengths: Vec<&Quantity> = model.gravity.iter().collect();
     let links = model.links.iter();
-    lengths.extend(links.clone().filter_map(|link| link.motion.as_ref()?.lead.as_ref()));
+    lengths.extend(
+        links
+            .clone()
+            .filter_map(|link| link.motion.as_ref()?.lead.as_ref()),
+    );
     lengths.extend(model.cuts.iter().filter_map(|cut| cut.lead.as_ref()));
-    let forms = spec.base.zero.iter().chain(spec.couplings.iter().map(|c| &c.1));
+    let forms = spec
+        .base
+        .zero
+        .iter()
+        .chain(spec.couplings.iter().map(|c| &c.1));
     lengths.extend(forms.flat_map(|form| form.terms.iter().map(|term| &term.1)));
     let sides = model.cuts.iter().flat_map(|cut| &cut.sides);
     let placements = links.map(|link| &link.placement);

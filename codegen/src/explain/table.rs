@@ -288,7 +288,10 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
         facts.push(("names", text));
     }
     if !base.special_angles.is_empty() {
-        facts.push(("special", format!("rank {}", base.special_angles.join(", "))));
+        facts.push((
+            "special",
+            format!("rank {}", base.special_angles.join(", ")),
+        ));
     }
     facts.extend(largest_coefficient(robot, analysis));
     facts.extend(condition(analysis));

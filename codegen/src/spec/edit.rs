@@ -229,15 +229,16 @@ pub fn with_geometry<'n>(
     spec: &Spec,
     values: &[(&'n str, &str)],
 ) -> Result<String, &'n str> {
-    let changes = values.iter().map(|(name, value)| {
+    let mut changes = Vec::new();
+    for (name, value) in values {
         let mut names = spec.geometry.iter();
         let (_, quantity) = names.find(|(own, _)| own.value == *name).ok_or(*name)?;
-        Ok(Change {
+        changes.push(Change {
             span: quantity.span,
             text: (*value).to_owned(),
-        })
-    });
-    Ok(changed(text, changes.collect::<Result<_, _>>()?))
+        });
+    }
+    Ok(changed(text, changes))
 }
 
 /// Returns a spec's text with the top-level key `bodies` replaced by this block; without the key,

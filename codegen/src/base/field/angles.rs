@@ -111,7 +111,8 @@ impl Angles {
     /// Chooses the units of all angles noted. They do not depend on the order of the angles.
     pub(super) fn settled(mut self) -> Self {
         let all = std::mem::take(&mut self.noted);
-        let shares = |a: &[Part], b: &[Part]| a.iter().any(|p| b.iter().any(|o| o.names == p.names));
+        let shares =
+            |a: &[Part], b: &[Part]| a.iter().any(|p| b.iter().any(|o| o.names == p.names));
         let is_whole = |angle: &Vec<Part>| {
             let mut others = all.iter();
             others.all(|o| proportion(o, angle).is_some() || !shares(o, angle))

@@ -205,7 +205,11 @@ impl Field {
     }
 
     /// The variables for sine and cosine of an angle, with their values.
-    fn variables_of(&mut self, angle: &Argument, (sin, cos): (Number, Number)) -> (Element, Element) {
+    fn variables_of(
+        &mut self,
+        angle: &Argument,
+        (sin, cos): (Number, Number),
+    ) -> (Element, Element) {
         let cos = self.variable(Variable::Cos(angle.clone()), cos);
         let sin = self.variable(Variable::Sin(angle.clone()), sin);
         (sin, cos)
@@ -403,9 +407,7 @@ impl Field {
             for (other_sin, other_cos) in angles.iter().take(k) {
                 let opposite = value(*sin) != value(*other_sin);
                 let minus = value(*other_sin).map(Number::neg);
-                if value(*cos) != value(*other_cos)
-                    || (opposite && value(*sin) != minus.as_ref())
-                {
+                if value(*cos) != value(*other_cos) || (opposite && value(*sin) != minus.as_ref()) {
                     continue;
                 }
                 let equal = |index: usize| {

@@ -13,6 +13,8 @@ pub(super) type Monomial = Vec<u8>;
 /// The largest number of terms of an expression; longer ones are dropped, as nobody would read
 /// them.
 const MAX_TERMS: usize = 40;
+/// The same, where sines and cosines of names are among the variables: sums over both are longer.
+const MAX_TERMS_WITH_ANGLES: usize = 120;
 /// The largest power of a variable: the terms of longer expressions cancel, so that doubles could not
 /// evaluate them.
 const MAX_POWER: u8 = 32;
@@ -102,9 +104,14 @@ impl Polynomial {
         }
     }
 
-    pub(super) fn too_long(&self) -> bool {
+    /// Whether the polynomial has too many terms, more of them with sines of names, or too large a
+    /// power.
+    pub(super) fn too_long(&self, variables: &Variables) -> bool {
         let mut powers = self.terms.keys().flatten();
-        self.terms.len() > MAX_TERMS || powers.any(|power| *power > MAX_POWER)
+        let count = self.terms.len();
+        count > MAX_TERMS
+            && (count > MAX_TERMS_WITH_ANGLES || variables.named_sines().next().is_none())
+            || powers.any(|power| *power > MAX_POWER)
     }
 
     fn push(&mut self, monomial: Monomial, value: Number) {
@@ -267,10 +274,11 @@ impl Polynomial {
         let (lead, factor) = (lead.clone(), Number::one().div(factor)?);
         let mut rest = self.clone();
         let mut result = Polynomial::default();
+        let most = MAX_TERMS.max(self.terms.len());
         let mut steps = 0;
         while let Some((m, c)) = rest.leading() {
             steps += 1;
-            if steps > MAX_TERMS {
+            if steps > most {
                 return None;
             }
             let monomial = quotient(m, &lead)?;
@@ -479,7 +487,7 @@ fn pseudo_remainder(
             .plain_mul(&lead)
             .plain_mul(b);
         rest = rest.plain_mul(&lead_b).add(&shifted.neg());
-        if rest.too_long() {
+        if rest.terms.len() > MAX_TERMS {
             return None;
         }
     }

@@ -115,7 +115,7 @@ impl Ratio {
         if numerator.is_zero() {
             return Some(Ratio::zero());
         }
-        if numerator.too_long() || denominator.too_long() {
+        if numerator.too_long(variables) || denominator.too_long(variables) {
             return None;
         }
         let (mut n, mut d) = (numerator, denominator);

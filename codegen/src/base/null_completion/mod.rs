@@ -44,8 +44,8 @@ use scaled_geometry::{Group, fixed_angles, groups, sample, sample_of, scaled};
 /// residual of a true null direction is far smaller.
 const MAX_NULL_RESIDUAL: f64 = 1e-60;
 
-/// The largest number of parameters of a mechanism with loops that is sampled at special angles.
-const MAX_COLUMNS_FOR_SPECIAL: usize = 80;
+/// The largest number of parameters of a mechanism that is sampled at special angles.
+const MAX_COLUMNS_FOR_SPECIAL: usize = 100;
 
 /// The completion of a null space from samples of the regressor at random closed states.
 #[derive(Debug)]
@@ -268,16 +268,10 @@ impl<'a> NullCompletion<'a> {
 fn special_angles(spec: &Spec, model: &Model, rank: usize, seed: u64) -> Vec<String> {
     let angles = angle_names(spec, model);
     let columns = model.parameters.len();
-    if !model.cuts.is_empty() && columns > MAX_COLUMNS_FOR_SPECIAL {
+    if columns > MAX_COLUMNS_FOR_SPECIAL {
         return Vec::new();
     }
-    let rank_of = |spec: &Spec| {
-        if model.cuts.is_empty() {
-            let null = super::derive(spec, &crate::model::build(spec), None).from_trees;
-            return Some(columns.saturating_sub(null));
-        }
-        Some(sample_of(spec, seed)?.certificate().rank)
-    };
+    let rank_of = |spec: &Spec| Some(sample_of(spec, seed)?.certificate().rank);
     let mut found = Vec::new();
     for group in groups(spec, &angles).iter().filter(|group| group.is_angle) {
         for name in group.members() {
