@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
+use regen_codegen::base::Exactness;
 use regen_tests::base::{Derivation, Verdict, check_base, states_for};
 use regen_tests::random_checks::agreement;
 use regen_tests::reference::{Mechanism, Random};
@@ -274,7 +275,7 @@ fn check_other_angles(text: &str, derivation: &Derivation, angles: &[&str], what
 #[test]
 fn one_derivation_is_right_at_other_named_angles() {
     let cases: [(&str, usize, &[&str]); 3] = [
-        ("base/named_angles.yaml", 29, &["al", "be", "de"]),
+        ("base/named_angles.yaml", 20, &["al", "be", "de"]),
         ("base/rps3_angles.yaml", 25, &["second", "third", "corner"]),
         ("base/spherical_fourbar.yaml", 11, &["crank", "coupler"]),
     ];
@@ -336,14 +337,19 @@ fn arm_with_named_angles(seed: u64) -> String {
 
 #[test]
 fn combinations_are_right_at_other_angles_of_random_arms() {
-    for seed in 0..sample_size(40, 10) {
+    let (count, mut checked) = (sample_size(40, 10), 0);
+    for seed in 0..count {
         let text = arm_with_named_angles(seed);
         let derivation = Derivation::completed(&text).unwrap();
-        // at special values another rank is right
-        if derivation.base.coincidences.is_empty() {
+        // at special values another rank is right; expressions may be too long
+        let rows = derivation.base.parameters.iter();
+        let is_symbolic = rows.clone().all(|p| p.exactness == Exactness::Symbolic);
+        if derivation.base.coincidences.is_empty() && is_symbolic {
             check_other_angles(&text, &derivation, &["al", "be"], &text);
+            checked += 1;
         }
     }
+    assert!(3 * checked >= count, "{checked} of {count}");
 }
 
 /// Factors that were recognised as expressions in the geometry's names are right at other values of

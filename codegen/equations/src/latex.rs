@@ -57,11 +57,8 @@ impl Spelling for Latex<'_> {
                 1 => String::new(),
                 power => format!("^{{{power}}}"),
             };
-            over.push(format!(
-                "\\{}{power} {}",
-                sine.function,
-                symbol(&sine.angle, "")
-            ));
+            let angle = symbol(&sine.angle, "");
+            over.push(format!("\\{}{power}\\left({angle}\\right)", sine.function));
         }
         let level = if over.len() > 1 && under.is_empty() {
             Level::Product
