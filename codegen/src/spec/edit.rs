@@ -203,8 +203,10 @@ fn changed(text: &str, mut changes: Vec<Change>) -> String {
     out
 }
 
-/// Returns a spec's text with other values of some names of `geometry`, each an expression; `Err` is
-/// the first name that the spec does not have.
+/// Returns a spec's text with other values of some names of `geometry`, each an expression.
+///
+/// # Errors
+/// The first name that the spec does not have.
 ///
 /// ```
 /// use regen_codegen::diag::Source;

@@ -60,8 +60,11 @@ pub(super) fn split(angle: &Ratio) -> (Number, Vec<Part>) {
     (constant, parts)
 }
 
+/// A fraction: numerator and denominator.
+type Proportion = (i64, i64);
+
 /// The quotient of two numbers as a fraction of small integers.
-fn fraction(a: &Number, b: &Number) -> Option<(i64, i64)> {
+fn fraction(a: &Number, b: &Number) -> Option<Proportion> {
     let ratio = a.div(b)?.as_rational()?;
     Some((
         i64::try_from(ratio.numerator()).ok()?,
@@ -84,7 +87,7 @@ fn multiple(angle: &[Part], unit: &[Part]) -> Option<i64> {
 }
 
 /// The factor by which an angle is a multiple of another one; `None` if it is not a rational one.
-fn proportion(angle: &[Part], other: &[Part]) -> Option<(i64, i64)> {
+fn proportion(angle: &[Part], other: &[Part]) -> Option<Proportion> {
     let found = fraction(&angle.first()?.factor, &other.first()?.factor)?;
     let factor = Number::ratio(found.0, found.1)?;
     let mut both = angle.iter().zip(other);
@@ -118,7 +121,7 @@ impl Angles {
             others.all(|o| proportion(o, angle).is_some() || !shares(o, angle))
         };
         // angles in a rational proportion, with these proportions
-        let mut groups: Vec<(Vec<Part>, Vec<(i64, i64)>)> = Vec::new();
+        let mut groups: Vec<(Vec<Part>, Vec<Proportion>)> = Vec::new();
         for angle in &all {
             let pieces: Vec<Vec<Part>> = if angle.len() == 1 || is_whole(angle) {
                 vec![angle.clone()]
@@ -147,7 +150,7 @@ impl Angles {
                 wholes.iter().fold(0, |g, w| greatest_common_divisor(g, *w))
             });
             let largest = above.iter().flatten().map(|w| w.abs()).max().unwrap_or(0);
-            let units: Vec<(i64, i64)> = match below {
+            let units: Vec<Proportion> = match below {
                 Some(below) if step > 0 && largest / step <= MAX_MULTIPLE => vec![(step, below)],
                 _ => proportions,
             };

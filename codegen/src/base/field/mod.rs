@@ -157,6 +157,16 @@ impl Element {
         !matches!(self.form, Form::TooLong { .. })
     }
 
+    /// The value for other values of the field's variables; `None` if only a number is known, though it
+    /// depends on names.
+    pub(crate) fn value_at(&self, values: &[Number]) -> Option<Number> {
+        match &self.form {
+            Form::Constant | Form::TooLong { of_names: false } => Some(self.value.clone()),
+            Form::Expression(ratio) => ratio.value(&|index| values.get(index)),
+            Form::TooLong { of_names: true } => None,
+        }
+    }
+
     /// Whether the element depends on geometry names, and is known as a number only.
     pub(crate) fn hides_names(&self) -> bool {
         matches!(self.form, Form::TooLong { of_names: true })
@@ -304,16 +314,6 @@ impl Field {
         let all = 0..self.variables.count();
         all.map(|index| evaluate(&self.variables.name(index).to_string()))
             .collect()
-    }
-
-    /// The value of an element for other values of the variables; `None` if only its number is known,
-    /// though it depends on names.
-    pub(crate) fn value_at(&self, element: &Element, values: &[Number]) -> Option<Number> {
-        match &element.form {
-            Form::Constant | Form::TooLong { of_names: false } => Some(element.value.clone()),
-            Form::Expression(ratio) => ratio.value(&|index| values.get(index)),
-            Form::TooLong { of_names: true } => None,
-        }
     }
 
     /// `a + b`.

@@ -144,7 +144,7 @@ impl<'a> NullCompletion<'a> {
         let holds = |direction: &Vector| {
             let entries = direction.range(..certificate.columns);
             let entries = entries.map(|(c, element)| {
-                let value = field.value_at(element, &values)?;
+                let value = element.value_at(&values)?;
                 Some((*c, Float320::from_number(&value)))
             });
             let entries: Option<Vec<(usize, Float320)>> = entries.collect();
