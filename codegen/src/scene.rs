@@ -387,7 +387,7 @@ fn carried_at(model: &Model, placements: &[Pose], link: usize) -> Option<[f64; 3
 fn placed(steps: &[Step]) -> Pose {
     steps.iter().fold(WORLD, |pose, step| {
         let step = match step {
-            Step::Rotate(axis, angle) => turned(*axis, angle.to_f64()),
+            Step::Rotate(axis, angle) => turned(*axis, angle.value.to_f64()),
             Step::Translate(axis, length) => shifted(*axis, length.value.to_f64()),
         };
         after(&pose, &step)

@@ -2,8 +2,10 @@
 
 use regen_codegen::Mechanism;
 use regen_codegen::base::{Analysis, store};
+use regen_codegen::diag::Source;
 use regen_codegen::explain::Grouped;
 use regen_codegen::explain::table::{Style, Table, doubt};
+use regen_codegen::spec::{self, edit::with_geometry};
 use regen_report::results;
 
 use crate::args::{BaseArgs, TableFormat};
@@ -12,7 +14,10 @@ use crate::{load, table, terminal, write};
 
 /// Runs the command.
 pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
-    let source = load::source(&args.file)?;
+    let mut source = load::source(&args.file)?;
+    if !args.at.is_empty() {
+        source.text = at_values(&source, &args.at)?;
+    }
     let mechanism = load::mechanism(&source)?;
     load::note_units(&source);
     let analysis = load::analysis(&mechanism, &source)?;
@@ -45,6 +50,50 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
         ))),
         None => Ok(()),
     }
+}
+
+/// The spec's text with the values of `--at`.
+fn at_values(source: &Source, values: &[String]) -> Result<String, Failure> {
+    let spec = spec::parse(source).map_err(|report| Failure::Spec(vec![report]))?;
+    let pairs = values.iter().map(|given| {
+        let pair = given.split_once('=').map(|(n, v)| (n.trim(), v.trim()));
+        pair.filter(|(_, value)| !value.is_empty()).ok_or_else(|| {
+            Failure::Input(format!(
+                "--at '{given}': write NAME=VALUE, as in alpha=pi/2"
+            ))
+        })
+    });
+    let pairs: Vec<(&str, &str)> = pairs.collect::<Result<_, _>>()?;
+    let twice = |(k, (name, _)): (usize, &(&str, &str))| {
+        pairs.iter().take(k).any(|(other, _)| other == name)
+    };
+    if let Some((_, (name, _))) = pairs
+        .iter()
+        .enumerate()
+        .find(|(k, pair)| twice((*k, *pair)))
+    {
+        return Err(Failure::Input(format!("--at: '{name}' is given twice")));
+    }
+    for (name, value) in &pairs {
+        // commas and colons would end the entry in the spec
+        if spec.evaluate(value).is_none() {
+            return Err(Failure::Input(format!(
+                "--at {name}: '{value}' is no expression in numbers and names of the geometry"
+            )));
+        }
+    }
+    with_geometry(&source.text, &spec, &pairs).map_err(|name| {
+        let names = spec.geometry.iter().map(|(name, _)| name.value.as_str());
+        let names: Vec<&str> = names.collect();
+        let names = match names.as_slice() {
+            [] => "there are none".to_owned(),
+            names => format!("they are {}", names.join(", ")),
+        };
+        Failure::Input(format!(
+            "--at: '{name}' is none of the names of 'geometry' in {}; {names}",
+            source.name
+        ))
+    })
 }
 
 /// The reasons why the parameters of completed directions act only together; empty where no

@@ -1,6 +1,6 @@
 //! `regen equations`: equations with named terms.
 
-use regen_codegen::spec;
+use regen_codegen::{base, model, spec};
 use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 
 use crate::args::{EquationsArgs, OfArg, ParametersArg, StyleArg};
@@ -14,6 +14,9 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
     let geometry = parsed.geometry.iter();
     let lengths: Vec<(String, f64)> = geometry
         .map(|(name, value)| (name.value.clone(), value.value.to_f64()))
+        .collect();
+    let angles: Vec<String> = base::angle_names(&parsed, &model::build(&parsed))
+        .into_iter()
         .collect();
     let mechanism = load::mechanism(&source)?;
     let has_loops = !mechanism.robot(&[])?.dependent.is_empty();
@@ -48,7 +51,7 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
         load::analysis(&mechanism, &source)?;
     }
     let robot = mechanism.robot(&kinds(of, parameters))?;
-    let text = equations(&robot, &lengths, of, parameters, style)
+    let text = equations(&robot, &lengths, &angles, of, parameters, style)
         .map_err(|missing| Failure::Input(format!("{}: {missing}", args.file.display())))?;
     terminal::print(&text)
 }

@@ -416,3 +416,77 @@ fn the_certificate_does_not_depend_on_the_choice_of_the_independent_coordinates(
         assert_eq!(spread, 4 + 3 * angles.len() as u64);
     }
 }
+
+/// A copy of the arm with named angles in the folder `dir`.
+fn arm_with_named_angles(dir: &std::path::Path) {
+    let text = "name: twisted\ngeometry: {al: 0.7, a: 0.3, th: pi/5}\nlimbs:\n  - name: arm\n    joints:\n      \
+                - {name: q1, type: revolute, body: 1, actuated: true}\n      \
+                - {name: q2, type: revolute, dh: {alpha: al, a: a}, body: 2, actuated: true}\n      \
+                - {name: q3, type: revolute, dh: {alpha: th, a: a*sin(al)}, body: 3, actuated: true}\n";
+    fs::write(dir.join("twisted.yaml"), text).unwrap();
+}
+
+#[test]
+fn angles_with_names_stay_symbols_in_every_format() {
+    let dir = scratch("base-angles");
+    arm_with_named_angles(&dir);
+    let print = |format: &str| {
+        let run = regen(&dir, &["base", "twisted.yaml", "--format", format]);
+        run.ended(0).out
+    };
+    for (format, parts) in [
+        (
+            "human",
+            ["sin(al)^2 Iyy(2)", "rank 11 at al = 0, 11 at al = pi"],
+        ),
+        ("latex", ["\\sin^{2}", "\\cos"]),
+        ("json", ["\"sin(al)^2\"", "\"everywhere\""]),
+    ] {
+        let text = print(format);
+        for part in parts {
+            assert!(text.contains(part), "{format}: {part} not in\n{text}");
+        }
+        // the angles' values are not in the coefficients
+        assert!(!text.contains("7/10") && !text.contains("pi/5"), "{text}");
+    }
+    let equations = regen(&dir, &["equations", "twisted.yaml"]).ended(0).out;
+    for part in [
+        "numbers are those at al = 0.7",
+        "sin(al)^2*",
+        "9.81*cos(al)",
+    ] {
+        assert!(equations.contains(part), "{part} not in\n{equations}");
+    }
+}
+
+#[test]
+fn a_table_at_another_value_is_that_of_a_file_with_this_value() {
+    let dir = scratch("base-at");
+    arm_with_named_angles(&dir);
+    let text = fs::read_to_string(dir.join("twisted.yaml")).unwrap();
+    let own = text
+        .replace("al: 0.7", "al: pi/2")
+        .replace("a: 0.3", "a: 0.2");
+    fs::write(dir.join("right.yaml"), own).unwrap();
+    let at = ["base", "twisted.yaml", "--at", "al=pi/2", "--at", "a = 0.2"];
+    let (at, own) = (regen(&dir, &at), regen(&dir, &["base", "right.yaml"]));
+    let (at, own) = (at.ended(0).out, own.ended(0).out);
+    assert_eq!(at, own);
+    assert!(at.contains("equal only by value: al = pi/2"), "{at}");
+    for (given, part) in [
+        (
+            "all=0",
+            "none of the names of 'geometry' in twisted.yaml; they are al, a, th",
+        ),
+        ("al", "write NAME=VALUE"),
+        ("al=", "write NAME=VALUE"),
+        ("al=0, a: 3", "no expression"),
+        ("al=x", "no expression"),
+    ] {
+        let run = regen(&dir, &["base", "twisted.yaml", "--at", given]);
+        let message = run.ended(3).err;
+        assert!(message.contains(part), "{given}: {message}");
+    }
+    let twice = ["base", "twisted.yaml", "--at", "al=0", "--at", "al=1"];
+    assert!(regen(&dir, &twice).ended(3).err.contains("given twice"));
+}

@@ -125,6 +125,7 @@ const EVERYWHERE: &[(&str, &[&str], &str)] = &[
         ],
         "they are figures of every rehearsal",
     ),
+    ("base", &["at"], "every name of the geometry has a value"),
     (
         "serve",
         &["port", "limit"],

@@ -41,6 +41,7 @@ impl Spelling for Latex<'_> {
         if above > 1 {
             over.push(above.to_string());
         }
+        over.extend(form.decimal.map(|decimal| self.number(decimal)));
         if root > 1 {
             over.push(format!("\\sqrt{{{root}}}"));
         }
@@ -50,6 +51,14 @@ impl Spelling for Latex<'_> {
         if let Some(name) = form.name {
             let side = if form.inverse { &mut under } else { &mut over };
             side.push(symbol(name, ""));
+        }
+        for sine in form.sines {
+            let power = match sine.power {
+                1 => String::new(),
+                power => format!("^{{{power}}}"),
+            };
+            let angle = symbol(&sine.angle, "");
+            over.push(format!("\\{}{power}\\left({angle}\\right)", sine.function));
         }
         let level = if over.len() > 1 && under.is_empty() {
             Level::Product
@@ -158,7 +167,7 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
         graph: &page.graph,
         names: &page.names,
-        lengths: page.lengths,
+        known: &page.known,
         spelling: Latex(page),
     };
     let mut out = format!("% {}: {}\n", page.robot.name, page.heading);

@@ -7,10 +7,11 @@ use std::fmt;
 use regen_codegen::base::latex::parameter;
 use regen_codegen::robot::{FunctionKind, Robot};
 
-use crate::constants::form;
+use crate::constants::{Known, form};
 use crate::graph::{Graph, Id, Node};
 use crate::latex::{self, symbol};
 use crate::names::Names;
+use crate::plain::digits;
 use crate::{load, sympy, text};
 
 /// The equations or the matrix that is written.
@@ -89,7 +90,8 @@ pub fn kinds(of: EquationSet, parameters: Parameters) -> [FunctionKind; 1] {
 /// Writes equations of a robot.
 ///
 /// - `lengths`: the names of `geometry` with their values; a number that can come from one of them
-///   only is written with this name.
+///   only is written with this name;
+/// - `angles`: those of the names that are angles, of which numbers may contain the sines.
 ///
 /// # Errors
 /// When the robot does not have the function, see [`kinds`]; a robot without dependent coordinates
@@ -97,11 +99,12 @@ pub fn kinds(of: EquationSet, parameters: Parameters) -> [FunctionKind; 1] {
 pub fn equations(
     robot: &Robot,
     lengths: &[(String, f64)],
+    angles: &[String],
     of: EquationSet,
     parameters: Parameters,
     style: Style,
 ) -> Result<String, MissingFunction> {
-    let page = Page::new(robot, lengths, of, parameters)?;
+    let page = Page::new(robot, lengths, angles, of, parameters)?;
     Ok(match style {
         Style::Text => text::write(&page),
         Style::Latex => latex::write(&page),
@@ -126,6 +129,7 @@ pub(crate) struct Entry {
 pub(crate) struct Page<'p> {
     pub(crate) robot: &'p Robot,
     pub(crate) lengths: &'p [(String, f64)],
+    pub(crate) known: Known,
     pub(crate) graph: Graph,
     pub(crate) names: Names,
     pub(crate) heading: String,
@@ -145,6 +149,7 @@ impl<'p> Page<'p> {
     fn new(
         robot: &'p Robot,
         lengths: &'p [(String, f64)],
+        angles: &[String],
         of: EquationSet,
         parameters: Parameters,
     ) -> Result<Self, MissingFunction> {
@@ -212,6 +217,7 @@ impl<'p> Page<'p> {
         Ok(Self {
             robot,
             lengths,
+            known: Known::new(lengths, angles),
             names,
             heading: heading(of, parameters).to_owned(),
             letter: match of {
@@ -262,8 +268,10 @@ impl<'p> Page<'p> {
             let Node::Number(bits) = self.graph.node(id) else {
                 continue;
             };
-            let form = form(f64::from_bits(bits), self.lengths);
-            used.extend(form.and_then(|form| form.name));
+            if let Some(form) = form(f64::from_bits(bits), &self.known) {
+                used.extend(form.name);
+                used.extend(form.sines.iter().map(|sine| sine.angle.as_str()));
+            }
         }
         let all = self.lengths.iter();
         all.filter(move |(name, _)| used.contains(name.as_str()))
@@ -272,6 +280,17 @@ impl<'p> Page<'p> {
 
     /// What rows and columns are.
     pub(crate) fn captions(&self) -> Vec<String> {
+        let mut captions = self.rows_and_columns();
+        if !self.known.angles.is_empty() {
+            let angles = self.known.angles.iter();
+            let angles = angles.map(|(name, value)| format!("{name} = {}", digits(*value)));
+            let angles: Vec<String> = angles.collect();
+            captions.push(format!("numbers are those at {}", angles.join(", ")));
+        }
+        captions
+    }
+
+    fn rows_and_columns(&self) -> Vec<String> {
         let robot = self.robot;
         let of = |which: &[usize]| -> String {
             let names = which.iter().map(|k| robot.coordinates[*k].as_str());

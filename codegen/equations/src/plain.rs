@@ -1,6 +1,6 @@
 //! Writes expressions on one line, as in programming languages.
 
-use crate::constants::{Form, form};
+use crate::constants::{Form, Known, form};
 use crate::graph::{Graph, Id, Node};
 use crate::names::{Name, Names};
 
@@ -39,7 +39,7 @@ pub(crate) trait Spelling {
 pub(crate) struct Writer<'w, S> {
     pub(crate) graph: &'w Graph,
     pub(crate) names: &'w Names,
-    pub(crate) lengths: &'w [(String, f64)],
+    pub(crate) known: &'w Known,
     pub(crate) spelling: S,
 }
 
@@ -75,7 +75,7 @@ impl<S: Spelling> Writer<'_, S> {
         match self.graph.node(id) {
             Node::Number(bits) => {
                 let value = f64::from_bits(bits);
-                match form(value, self.lengths) {
+                match form(value, self.known) {
                     Some(form) => spelling.form(&form),
                     None => (spelling.number(value), Level::Atom),
                 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use crate::constants::Form;
+use crate::constants::{Form, Sine};
 use crate::identifiers::Identifiers;
 use crate::names::Name;
 use crate::page::Page;
@@ -58,11 +58,21 @@ impl Spelling for &Python {
     }
 
     fn form(&self, form: &Form<'_>) -> (String, Level) {
-        let known = |name| self.lengths.get(name).map(String::as_str);
-        infix_form(&Form {
+        let known = |name: &str| self.lengths.get(name).map(String::as_str);
+        let sines: Vec<Sine> = form
+            .sines
+            .iter()
+            .map(|sine| Sine {
+                angle: known(&sine.angle).unwrap_or(&sine.angle).to_owned(),
+                ..sine.clone()
+            })
+            .collect();
+        let form = Form {
             name: form.name.map(|name| known(name).unwrap_or(name)),
+            sines: &sines,
             ..form.clone()
-        })
+        };
+        infix_form(&form, "**")
     }
 
     fn call(&self, function: &str, operand: &str) -> String {
@@ -113,7 +123,7 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
         graph: &page.graph,
         names: &page.names,
-        lengths: page.lengths,
+        known: &page.known,
         spelling: &python,
     };
     let for_docstring = |text: &str| text.replace('\\', "/").replace("\"\"\"", "'''");

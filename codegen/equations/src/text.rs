@@ -24,7 +24,7 @@ impl Spelling for Plain<'_> {
     }
 
     fn form(&self, form: &Form<'_>) -> (String, Level) {
-        infix_form(form)
+        infix_form(form, "^")
     }
 
     fn call(&self, function: &str, operand: &str) -> String {
@@ -49,12 +49,15 @@ impl Spelling for Plain<'_> {
 }
 
 /// A form in infix notation, such as `sqrt(3)*a/2` or `2*sqrt(3)/(3*a)`, with its precedence.
-pub(crate) fn infix_form(form: &Form<'_>) -> (String, Level) {
+///
+/// - `power`: the operator of powers.
+pub(crate) fn infix_form(form: &Form<'_>, power: &str) -> (String, Level) {
     let [above, root, below] = form.factor;
     let (mut over, mut under) = (Vec::new(), Vec::new());
     if above > 1 {
         over.push(above.to_string());
     }
+    over.extend(form.decimal.map(digits));
     if root > 1 {
         over.push(format!("sqrt({root})"));
     }
@@ -65,8 +68,16 @@ pub(crate) fn infix_form(form: &Form<'_>) -> (String, Level) {
         let side = if form.inverse { &mut under } else { &mut over };
         side.push(name.to_owned());
     }
+    for sine in form.sines {
+        let mut text = format!("{}({})", sine.function, sine.angle);
+        if sine.power > 1 {
+            let _ = write!(text, "{power}{}", sine.power);
+        }
+        over.push(text);
+    }
     let level = match (over.len(), under.len()) {
-        (1, 0) => Level::Atom,
+        (1, 0) if form.sines.iter().all(|sine| sine.power == 1) => Level::Atom,
+        (1, 0) => Level::Power,
         _ => Level::Product,
     };
     let mut text = if over.is_empty() {
@@ -113,7 +124,7 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
         graph: &page.graph,
         names: &page.names,
-        lengths: page.lengths,
+        known: &page.known,
         spelling: Plain(page),
     };
     let mut out = format!("{}: {}\n", page.robot.name, page.heading);

@@ -59,7 +59,7 @@ fn sympy_evaluates_to_what_is_computed() {
         let [kind] = kinds(of, parameters);
         let (robot, lengths) = robot(file, kind);
         let program = &robot.function(kind).unwrap().program;
-        let mut script = equations(&robot, &lengths, of, parameters, Style::Sympy).unwrap();
+        let mut script = equations(&robot, &lengths, &[], of, parameters, Style::Sympy).unwrap();
         let mut inputs = Vec::new();
         let mut given = String::new();
         for argument in &program.arguments {

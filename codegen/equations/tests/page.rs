@@ -34,7 +34,7 @@ fn printed(command: &str) -> String {
         .collect();
     let mechanism = Mechanism::open(&source).unwrap();
     let robot = mechanism.robot(&kinds(of, Parameters::All)).unwrap();
-    equations(&robot, &lengths, of, Parameters::All, style).unwrap()
+    equations(&robot, &lengths, &[], of, Parameters::All, style).unwrap()
 }
 
 #[test]

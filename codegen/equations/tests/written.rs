@@ -20,7 +20,7 @@ fn written(of: EquationSet, parameters: Parameters, style: Style) -> String {
     let mechanism = Mechanism::open(&Source::new("arm.yaml", ARM)).unwrap();
     let robot = mechanism.robot(&kinds(of, parameters)).unwrap();
     let lengths = [("reach".to_owned(), 0.37)];
-    equations(&robot, &lengths, of, parameters, style).unwrap()
+    equations(&robot, &lengths, &[], of, parameters, style).unwrap()
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn an_arm_has_nothing_to_close() {
     let mechanism = Mechanism::open(&Source::new("arm.yaml", ARM)).unwrap();
     for of in [EquationSet::Closure, EquationSet::Jacobian, EquationSet::X] {
         let robot = mechanism.robot(&kinds(of, Parameters::All)).unwrap();
-        let missing = equations(&robot, &[], of, Parameters::All, Style::Text).unwrap_err();
+        let missing = equations(&robot, &[], &[], of, Parameters::All, Style::Text).unwrap_err();
         assert!(missing.to_string().contains("no loops"), "{missing}");
     }
 }
@@ -68,7 +68,7 @@ fn a_script_calls_only_what_it_imports_or_defines() {
     let mechanism = Mechanism::open(&Source::new("arm.yaml", &text)).unwrap();
     let (of, all) = (EquationSet::Regressor, Parameters::All);
     let robot = mechanism.robot(&kinds(of, all)).unwrap();
-    let script = equations(&robot, &[], of, all, Style::Sympy).unwrap();
+    let script = equations(&robot, &[], &[], of, all, Style::Sympy).unwrap();
     let imported = script
         .lines()
         .find_map(|l| l.strip_prefix("from sympy import "));

@@ -503,7 +503,7 @@ fn link_of(model: &Model, link: usize, q: &[f64]) -> Pose {
     {
         for step in &link.placement {
             pose = pose.then(&match step {
-                Step::Rotate(axis, angle) => Pose::turn(about(vector(*axis), angle.to_f64())),
+                Step::Rotate(axis, angle) => Pose::turn(about(vector(*axis), angle.value.to_f64())),
                 Step::Translate(axis, by) => {
                     Pose::shift(vector(*axis).map(|x| x * by.value.to_f64()))
                 }

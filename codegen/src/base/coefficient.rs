@@ -150,6 +150,55 @@ impl Coefficient {
         }
     }
 
+    /// Twice the expression: `2*a`, and `a` of `a/2`.
+    #[must_use]
+    pub(super) fn doubled(&self) -> Self {
+        let whole = |digits: &str| digits.parse::<u64>().ok();
+        match self {
+            Self::Neg(inner) => inner.doubled().negated(),
+            Self::Sum(terms) => {
+                let terms = terms.iter();
+                Self::Sum(
+                    terms
+                        .map(|(minus, term)| (*minus, term.doubled()))
+                        .collect(),
+                )
+            }
+            Self::Quotient(above, below) => match &**below {
+                Self::Number(digits) => match whole(digits) {
+                    Some(2) => (**above).clone(),
+                    Some(n) if n % 2 == 0 => (**above).clone().over(Self::integer(n / 2)),
+                    _ => above.doubled().over((**below).clone()),
+                },
+                _ => above.doubled().over((**below).clone()),
+            },
+            Self::Product(factors) => match factors.split_first() {
+                Some((Self::Number(digits), rest)) if whole(digits).is_some() => {
+                    let twice = whole(digits).unwrap_or(1).saturating_mul(2);
+                    let rest = rest.iter().cloned();
+                    Self::Product(std::iter::once(Self::integer(twice)).chain(rest).collect())
+                }
+                _ => {
+                    let factors = factors.iter().cloned();
+                    Self::Product(std::iter::once(Self::integer(2)).chain(factors).collect())
+                }
+            },
+            _ => Self::integer(2).times(self.clone()),
+        }
+    }
+
+    /// Whether it contains a geometry name.
+    pub(crate) fn mentions_names(&self) -> bool {
+        match self {
+            Self::Number(_) => false,
+            Self::Name(_) => *self != Self::pi(),
+            Self::Neg(inner) | Self::Call(_, inner) => inner.mentions_names(),
+            Self::Sum(terms) => terms.iter().any(|(_, term)| term.mentions_names()),
+            Self::Product(factors) => factors.iter().any(Self::mentions_names),
+            Self::Quotient(a, b) | Self::Power(a, b) => a.mentions_names() || b.mentions_names(),
+        }
+    }
+
     /// Whether it is the number 1.
     pub fn is_one(&self) -> bool {
         matches!(self, Self::Number(digits) if digits == "1")

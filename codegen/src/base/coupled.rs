@@ -10,12 +10,10 @@
 //! with equal rates, also the moments of their weights.
 
 use crate::model::{Model, MotionKind, Step};
-use crate::sym::Number;
 
 use super::field::{Element, Field};
-use super::link_path::{
-    Freedom, LinearForm, LinkPath, in_rotated_frame, is_implied_by, link_paths,
-};
+use super::geometry::{Placed, Rotation};
+use super::link_path::{Freedom, LinearForm, LinkPath, link_paths};
 use super::linkage::Linkage;
 use super::rates;
 use super::span::{Vector, add_scaled};
@@ -25,14 +23,14 @@ const TENSOR_ENTRY: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 /// Index of the first moment mx among the ten parameters.
 const FIRST_MOMENT: usize = 6;
 
-type Matrix = [[Number; 3]; 3];
-
 /// The null directions that follow from exact velocity constraints, over all columns.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
-    let velocity_constraints = rates::all_velocity_constraints(field, linkage);
-    if velocity_constraints.is_empty() {
+    let constraint_vectors = rates::velocity_constraint_vectors(field, linkage);
+    if constraint_vectors.is_empty() {
         return Vec::new();
     }
+    let velocity_constraints: Vec<LinearForm> =
+        constraint_vectors.iter().map(rates::to_form).collect();
     let couplings = rates::coupling_velocity_constraints(linkage);
     let link_paths = link_paths(model);
     let mut all = Vec::new();
@@ -51,7 +49,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
             if free[i].has_constant_orientation() || free[j].has_constant_orientation() {
                 continue;
             }
-            if let Some(relative) = same_orientation(model, &couplings, i, j) {
+            if let Some(relative) = same_orientation(field, linkage, model, &couplings, [i, j]) {
                 let on_axis = |b: usize| {
                     free[b] == Freedom::FixedAxisRotation
                         && own_joint(model, &link_paths, b).is_some()
@@ -64,7 +62,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
                     field,
                     model,
                     &link_paths,
-                    &velocity_constraints,
+                    &constraint_vectors,
                     [i, j],
                 ));
             }
@@ -74,7 +72,13 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
 }
 
 /// The axes of body j in those of body i, if couplings keep this orientation constant.
-fn same_orientation(model: &Model, couplings: &[LinearForm], i: usize, j: usize) -> Option<Matrix> {
+fn same_orientation(
+    field: &mut Field,
+    linkage: &Linkage,
+    model: &Model,
+    couplings: &[LinearForm],
+    [i, j]: [usize; 2],
+) -> Option<Rotation> {
     let [a, b] = [i, j].map(|k| model.path(Some(model.bodies[k].link)));
     let shared = a.iter().zip(&b).take_while(|(x, y)| x == y).count();
     let (a, b) = (&a[shared..], &b[shared..]);
@@ -88,61 +92,58 @@ fn same_orientation(model: &Model, couplings: &[LinearForm], i: usize, j: usize)
     {
         return None;
     }
-    let (a, b) = (axes(model, a), axes(model, b));
+    let [a, b] = [a, b].map(|links| axes(field, linkage, model, links));
     // both matrices have a link's axes as columns over the shared frame: Q = A^T B
-    let entry =
-        |r: usize, c: usize| (0..3).fold(Number::zero(), |sum, k| sum.add(&a[k][r].mul(&b[k][c])));
-    Some([0, 1, 2].map(|r| [0, 1, 2].map(|c| entry(r, c))))
+    let column = |m: &Rotation, c: usize| [0, 1, 2].map(|k: usize| m[k][c].clone());
+    Some([0, 1, 2].map(|r| [0, 1, 2].map(|c| field.dot(&column(&a, r), &column(&b, c)))))
 }
 
 /// The axes of the last link as columns over the frame before the first, with all coordinates 0
 /// except those that couplings determine.
-fn axes(model: &Model, links: &[usize]) -> Matrix {
-    // row k: axis k of the shared frame in the link's axes
-    let mut rows = [0, 1, 2].map(|k| {
-        [0, 1, 2].map(|c| {
-            if c == k {
-                Number::one()
-            } else {
-                Number::zero()
-            }
-        })
-    });
-    let mut turn = |axis: usize, angle: &Number| {
-        for row in &mut rows {
-            *row = in_rotated_frame(row, axis, angle);
-        }
-    };
+fn axes(field: &mut Field, linkage: &Linkage, model: &Model, links: &[usize]) -> Rotation {
+    let mut placed = Placed::identity();
     for &link in links {
         let link = &model.links[link];
         for step in &link.placement {
             if let Step::Rotate(axis, angle) = step {
-                turn(axis.index(), angle);
+                let turn = linkage.names.sin_cos(field, angle);
+                placed.turn(field, *axis, &turn);
             }
         }
         if let Some(motion) = &link.motion
             && motion.kind == MotionKind::Rotation
         {
-            turn(motion.axis.index(), &value(model, motion.coordinate, 0));
+            let angle = value(field, linkage, model, motion.coordinate, 0);
+            let turn = field.sin_cos_of(&angle);
+            placed.turn(field, motion.axis, &turn);
         }
     }
-    rows
+    placed.rotation
 }
 
 /// The value of a coordinate (rad or m) with all coordinates 0 except those that couplings
 /// determine.
-fn value(model: &Model, coordinate: usize, depth: usize) -> Number {
-    let coupling = model.couplings.iter().find(|c| c.key == coordinate);
+fn value(
+    field: &mut Field,
+    linkage: &Linkage,
+    model: &Model,
+    coordinate: usize,
+    depth: usize,
+) -> Element {
+    let coupling = model.couplings.iter().position(|c| c.key == coordinate);
     // couplings have no cycles
     let Some(coupling) = coupling.filter(|_| depth <= model.couplings.len()) else {
-        return Number::zero();
+        return Element::zero();
     };
-    coupling
-        .terms
-        .iter()
-        .fold(coupling.constant.clone(), |sum, (c, factor)| {
-            sum.add(&factor.mul(&value(model, *c, depth + 1)))
-        })
+    let mut sum = linkage.coupling_constants[coupling].clone();
+    for (c, factor) in &linkage.couplings[coupling] {
+        if *c != coordinate {
+            let other = value(field, linkage, model, *c, depth + 1);
+            let term = field.mul(&factor.neg(), &other);
+            sum = field.add(&sum, &term);
+        }
+    }
+    sum
 }
 
 /// Null directions of two bodies with constant relative orientation `q`: inertia of body j minus
@@ -151,7 +152,7 @@ fn summed_moments(
     field: &mut Field,
     i: usize,
     j: usize,
-    q: &Matrix,
+    q: &Rotation,
     spin_equally: bool,
 ) -> Vec<Vector> {
     let mut all = Vec::new();
@@ -161,9 +162,10 @@ fn summed_moments(
             // Q E Q^T for the symmetric unit E
             for a in 0..3 {
                 for b in a..3 {
-                    let mut entry = q[a][r].mul(&q[b][c]);
+                    let mut entry = field.mul(&q[a][r], &q[b][c]);
                     if r != c {
-                        entry = entry.add(&q[a][c].mul(&q[b][r]));
+                        let other = field.mul(&q[a][c], &q[b][r]);
+                        entry = field.add(&entry, &other);
                     }
                     subtract(field, &mut direction, 10 * i + TENSOR_ENTRY[a][b], &entry);
                 }
@@ -181,9 +183,9 @@ fn summed_moments(
     all
 }
 
-fn subtract(field: &mut Field, from: &mut Vector, column: usize, entry: &Number) {
+fn subtract(field: &mut Field, from: &mut Vector, column: usize, entry: &Element) {
     let unit = Vector::from([(column, Element::one())]);
-    add_scaled(field, from, &Element::exact(entry.neg()), &unit);
+    add_scaled(field, from, &entry.neg(), &unit);
 }
 
 /// Null direction of two bodies that spin in a fixed proportion: the moments about their axes.
@@ -191,20 +193,21 @@ fn in_proportion(
     field: &mut Field,
     model: &Model,
     link_paths: &[LinkPath],
-    velocity_constraints: &[LinearForm],
+    velocity_constraints: &[Vector],
     pair: [usize; 2],
 ) -> Option<Vector> {
     let [i, j] = pair;
     let [a, b] = pair.map(|body| own_joint(model, link_paths, body));
     let (a, b) = (a?, b?);
     // qd_b = k qd_a
-    let k = ratio(velocity_constraints, a, b)?;
+    let k = ratio(field, velocity_constraints, a, b)?;
     let moment = |body: usize, coordinate: usize| -> Option<usize> {
         let axis = model.motion(coordinate)?.axis.index();
         Some(10 * body + TENSOR_ENTRY[axis][axis])
     };
     let mut direction = Vector::from([(moment(j, b)?, Element::one())]);
-    subtract(field, &mut direction, moment(i, a)?, &k.mul(&k));
+    let square = field.mul(&k, &k);
+    subtract(field, &mut direction, moment(i, a)?, &square);
     Some(direction)
 }
 
@@ -217,55 +220,38 @@ fn own_joint(model: &Model, link_paths: &[LinkPath], body: usize) -> Option<usiz
 }
 
 /// The ratio k in qd_b = k qd_a, if the velocity constraints fix it.
-fn ratio(velocity_constraints: &[LinearForm], a: usize, b: usize) -> Option<Number> {
-    // eliminate all other coordinates, which leaves the constraint between a and b alone
-    let mut rows: Vec<LinearForm> = velocity_constraints.to_vec();
-    while let Some((r, outside)) = rows.iter().enumerate().find_map(|(r, row)| {
-        let outside = row.iter().find(|(c, k)| *c != a && *c != b && !k.is_zero());
-        outside.map(|(c, _)| (r, *c))
-    }) {
-        let pivot = rows.swap_remove(r);
-        let pivot_coefficient = pivot.iter().find(|(c, _)| *c == outside)?.1.clone();
-        for row in &mut rows {
-            let Some(at) = row.iter().position(|(c, _)| *c == outside) else {
-                continue;
-            };
-            let factor = row[at].1.div(&pivot_coefficient)?;
-            for (c, k) in &pivot {
-                let change = k.mul(&factor).neg();
-                match row.iter_mut().find(|(o, _)| o == c) {
-                    Some((_, sum)) => *sum = sum.add(&change),
-                    None => row.push((*c, change)),
-                }
-            }
-            row.retain(|(_, k)| !k.is_zero());
-        }
-    }
-    let of = |row: &LinearForm, coordinate: usize| {
-        row.iter()
-            .find(|(c, _)| *c == coordinate)
-            .map(|(_, k)| k.clone())
+fn ratio(field: &mut Field, constraints: &[Vector], a: usize, b: usize) -> Option<Element> {
+    let between = rates::constraints_among(field, constraints, &[a, b]);
+    // two constraints would not let them move
+    let [constraint] = between.as_slice() else {
+        return None;
     };
-    let found = rows
-        .iter()
-        .find_map(|row| Some((of(row, a)?, of(row, b)?)))?;
-    let k = found.0.div(&found.1)?.neg();
-    is_implied_by(velocity_constraints, &[(b, Number::one()), (a, k.neg())]).then_some(k)
+    let quotient = field.div(constraint.get(&a)?, constraint.get(&b)?)?;
+    Some(quotient.neg())
 }
 
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::sym::Number;
 
     #[test]
     fn a_ratio_of_rates_follows_from_a_chain_of_constraints() {
-        let n = Number::from_i64;
+        let n = Element::integer;
         // b = -2 a, c = 3 b
-        let velocity_constraints = vec![vec![(1, n(1)), (0, n(2))], vec![(2, n(1)), (1, n(-3))]];
-        assert_eq!(ratio(&velocity_constraints, 0, 2), Some(n(-6)));
-        assert_eq!(ratio(&velocity_constraints, 0, 1), Some(n(-2)));
-        assert_eq!(ratio(&velocity_constraints, 0, 3), None);
+        let constraints = [
+            Vector::from([(1, n(1)), (0, n(2))]),
+            Vector::from([(2, n(1)), (1, n(-3))]),
+        ];
+        let mut field = Field::default();
+        let mut found = |b: usize| {
+            let ratio = ratio(&mut field, &constraints, 0, b);
+            ratio.map(|k| k.value().clone())
+        };
+        assert_eq!(found(2), Some(Number::from_i64(-6)));
+        assert_eq!(found(1), Some(Number::from_i64(-2)));
+        assert_eq!(found(3), None);
     }
 
     #[test]
@@ -282,9 +268,12 @@ couplings: {q3: -2*q2 + 1/4, q2: 3*q1 + 1/2}
 ";
         let spec = crate::spec::parse(&crate::diag::Source::new("chain.yaml", text)).unwrap();
         let model = crate::model::build(&spec);
-        let at = |name: &str| {
+        let mut field = Field::default();
+        let linkage = Linkage::new(&mut field, &spec, &model);
+        let mut at = |name: &str| {
             let place = model.coordinates.iter().position(|c| c.name == name);
-            value(&model, place.unwrap(), 0)
+            let value = value(&mut field, &linkage, &model, place.unwrap(), 0);
+            value.value().clone()
         };
         assert_eq!(at("q1"), Number::zero());
         assert_eq!(at("q2"), Number::ratio(1, 2).unwrap());

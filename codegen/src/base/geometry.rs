@@ -1,12 +1,17 @@
 //! The geometry as elements of the field: lengths from their expressions, frames from their
 //! placement steps, and the transformation of twists and parameters between frames.
 
-use crate::model::{Placement, Step};
+use std::collections::BTreeSet;
+
+use crate::model::{Model, Placement, Step};
 use crate::spec::{Axis, Expr, Function, Quantity, Spec};
 use crate::sym::Number;
 
 use super::Coefficient;
+use super::coupled;
 use super::field::{Element, Field, Variable};
+use super::known;
+use super::linkage::Linkage;
 
 /// A vector of three elements.
 pub(super) type E3 = [Element; 3];
@@ -15,7 +20,7 @@ pub(super) type Rotation = [E3; 3];
 
 /// The geometry names as elements: a name defined by other names becomes their expression, any
 /// other name a variable.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Names {
     all: Vec<(String, Element)>,
 }
@@ -23,6 +28,16 @@ pub(super) struct Names {
 impl Names {
     pub(super) fn new(field: &mut Field, spec: &Spec) -> Self {
         let mut names = Names::default();
+        if field.has_named_angles() {
+            // all names come first, then the sines and cosines, whatever the order of expressions
+            for (name, quantity) in &spec.geometry {
+                if !mentions_names(&quantity.expr) {
+                    let variable = Variable::Name(name.value.clone());
+                    field.variable(variable, quantity.value.clone());
+                }
+            }
+            field.add_units();
+        }
         for (name, quantity) in &spec.geometry {
             let element = if mentions_names(&quantity.expr) {
                 names.element(field, quantity)
@@ -37,11 +52,21 @@ impl Names {
     /// The element of a quantity of the spec.
     pub(super) fn element(&self, field: &mut Field, quantity: &Quantity) -> Element {
         self.read(field, &quantity.expr).unwrap_or_else(|| {
-            field.variable(
-                Variable::Written((&quantity.value).into()),
-                quantity.value.clone(),
-            )
+            let value = quantity.value.clone();
+            if mentions_names(&quantity.expr) {
+                return Element::without_form(value);
+            }
+            field.variable(Variable::Written((&quantity.value).into()), value)
         })
+    }
+
+    /// Sine and cosine of an angle of the spec.
+    pub(super) fn sin_cos(&self, field: &mut Field, angle: &Quantity) -> (Element, Element) {
+        if !mentions_names(&angle.expr) {
+            return field.sin_cos(&angle.value);
+        }
+        let element = self.element(field, angle);
+        field.sin_cos_of(&element)
     }
 
     fn read(&self, field: &mut Field, expr: &Expr) -> Option<Element> {
@@ -88,20 +113,16 @@ impl Names {
                         let value = a.value().sqrt()?;
                         written(field, Function::Sqrt, &a, value)
                     }
-                    // of a constant angle: the same variables as in a placement
-                    Function::Sin if a.weight() == 0 => field.sin_cos(a.value()).0,
-                    Function::Cos if a.weight() == 0 => field.sin_cos(a.value()).1,
-                    Function::Sin => {
-                        let value = a.value().sin_cos().0;
-                        written(field, Function::Sin, &a, value)
-                    }
-                    Function::Cos => {
-                        let value = a.value().sin_cos().1;
-                        written(field, Function::Cos, &a, value)
-                    }
-                    Function::Tan => {
+                    // the same variables as in a placement
+                    Function::Sin => field.sin_cos_of(&a).0,
+                    Function::Cos => field.sin_cos_of(&a).1,
+                    Function::Tan if a.weight() == 0 => {
                         let value = a.value().tan()?;
                         written(field, Function::Tan, &a, value)
+                    }
+                    Function::Tan => {
+                        let (sin, cos) = field.sin_cos_of(&a);
+                        field.div(&sin, &cos)?
                     }
                     // only effort terms call these, and no combination reads their factors
                     Function::Sign | Function::Abs => return None,
@@ -113,6 +134,77 @@ impl Names {
             }
         })
     }
+}
+
+/// The names on which angles of a mechanism depend, and arguments of sines in its spec; with a name,
+/// those that define it.
+pub fn angle_names(spec: &Spec, model: &Model) -> BTreeSet<String> {
+    fn add(expr: &Expr, is_angle: bool, found: &mut BTreeSet<String>) {
+        match expr {
+            Expr::Number(_) | Expr::Pi => {}
+            Expr::Name(name) => {
+                if is_angle {
+                    found.insert(name.clone());
+                }
+            }
+            Expr::Call(Function::Sin | Function::Cos | Function::Tan, a) => add(a, true, found),
+            Expr::Neg(a) | Expr::Call(_, a) => add(a, is_angle, found),
+            Expr::Add(a, b)
+            | Expr::Sub(a, b)
+            | Expr::Mul(a, b)
+            | Expr::Div(a, b)
+            | Expr::Pow(a, b) => {
+                add(a, is_angle, found);
+                add(b, is_angle, found);
+            }
+        }
+    }
+    let mut found = BTreeSet::new();
+    let mut lengths: Vec<&Quantity> = model.gravity.iter().collect();
+    let links = model.links.iter();
+    lengths.extend(
+        links
+            .clone()
+            .filter_map(|link| link.motion.as_ref()?.lead.as_ref()),
+    );
+    lengths.extend(model.cuts.iter().filter_map(|cut| cut.lead.as_ref()));
+    let forms = spec
+        .base
+        .zero
+        .iter()
+        .chain(spec.couplings.iter().map(|c| &c.1));
+    lengths.extend(forms.flat_map(|form| form.terms.iter().map(|term| &term.1)));
+    let sides = model.cuts.iter().flat_map(|cut| &cut.sides);
+    let placements = links.map(|link| &link.placement);
+    for step in placements.chain(sides.map(|s| &s.placement)).flatten() {
+        match step {
+            Step::Rotate(_, angle) => add(&angle.expr, true, &mut found),
+            Step::Translate(_, length) => lengths.push(length),
+        }
+    }
+    lengths.extend(spec.geometry.iter().map(|(_, quantity)| quantity));
+    for quantity in lengths {
+        add(&quantity.expr, false, &mut found);
+    }
+    // a name is defined by earlier ones only
+    for (name, quantity) in spec.geometry.iter().rev() {
+        if found.contains(&name.value) {
+            add(&quantity.expr, true, &mut found);
+        }
+    }
+    found
+}
+
+/// The field of a mechanism's geometry.
+pub(super) fn field(spec: &Spec, model: &Model) -> Field {
+    if angle_names(spec, model).is_empty() {
+        return Field::default();
+    }
+    Field::with_units_of(|field| {
+        let linkage = Linkage::new(field, spec, model);
+        coupled::null_directions(field, &linkage, model);
+        known::substitutions(field, spec, model);
+    })
 }
 
 pub(super) fn mentions_names(expr: &Expr) -> bool {
@@ -214,25 +306,30 @@ impl Placed {
                     }
                 }
                 Step::Rotate(axis, angle) => {
-                    if angle.is_zero() {
+                    let (sin, cos) = names.sin_cos(field, angle);
+                    if sin.is_zero() && cos.is_one() {
                         continue;
                     }
-                    let (sin, cos) = field.sin_cos(angle);
-                    // a rotation in the plane of columns j and k
-                    let (j, k) = match axis {
-                        Axis::X => (1, 2),
-                        Axis::Y => (2, 0),
-                        Axis::Z => (0, 1),
-                    };
-                    for row in &mut placed.rotation {
-                        let (a, b) = (row[j].clone(), row[k].clone());
-                        row[j] = field.dot(&[a.clone(), b.clone()], &[cos.clone(), sin.clone()]);
-                        row[k] = field.dot(&[a, b], &[sin.neg(), cos.clone()]);
-                    }
+                    placed.turn(field, *axis, &(sin, cos));
                 }
             }
         }
         placed
+    }
+
+    /// Rotates the frame about one of its axes by an angle, given by its sine and cosine.
+    pub(super) fn turn(&mut self, field: &mut Field, axis: Axis, (sin, cos): &(Element, Element)) {
+        // a rotation in the plane of columns j and k
+        let (j, k) = match axis {
+            Axis::X => (1, 2),
+            Axis::Y => (2, 0),
+            Axis::Z => (0, 1),
+        };
+        for row in &mut self.rotation {
+            let (a, b) = (row[j].clone(), row[k].clone());
+            row[j] = field.dot(&[a.clone(), b.clone()], &[cos.clone(), sin.clone()]);
+            row[k] = field.dot(&[a, b], &[sin.neg(), cos.clone()]);
+        }
     }
 
     /// The inverse change of frame: the parent's frame in the child's.

@@ -149,6 +149,13 @@ pub fn expression(tree: &Coefficient) -> String {
             format!("\\frac{{{}}}{{{}}}", expression(above), expression(below))
         }
         Coefficient::Power(base, exponent) => {
+            // the square of a named angle's sine as in textbooks
+            if let Coefficient::Call(function @ (Function::Sin | Function::Cos), angle) = &**base
+                && angle.mentions_names()
+            {
+                let (name, angle) = (function.name(), expression(angle));
+                return format!("\\{name}^{{{}}}\\bigl({angle}\\bigr)", expression(exponent));
+            }
             let text = match **base {
                 Coefficient::Number(_) | Coefficient::Name(_) => expression(base),
                 _ => format!("\\bigl({}\\bigr)", expression(base)),
@@ -211,6 +218,10 @@ mod tests {
             ("a*2*3", r"a \cdot 2 \cdot 3"),
             ("(a + b)^2", r"\bigl(a + b\bigr)^{2}"),
             ("2^-1", "2^{-1}"),
+            (
+                "a*sin(alpha/2)^2",
+                r"a \sin^{2}\bigl(\frac{\alpha}{2}\bigr)",
+            ),
             (
                 "cos(0.3)*sin(3/10)",
                 r"\cos\bigl(0.3\bigr) \sin\bigl(\frac{3}{10}\bigr)",

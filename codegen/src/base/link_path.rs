@@ -93,7 +93,7 @@ fn unit(axis: usize) -> Direction {
 
 /// The components of a vector `v` in a frame that has been rotated by `angle`, rad, about its own
 /// axis number `axis` (0 for x, 1 for y, 2 for z).
-pub(super) fn in_rotated_frame(v: &Direction, axis: usize, angle: &Number) -> Direction {
+fn in_rotated_frame(v: &Direction, axis: usize, angle: &Number) -> Direction {
     let (sin, cos) = angle.sin_cos();
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut out = v.clone();
@@ -131,7 +131,7 @@ impl LinkPath {
             let axis = axis.index();
             let vectors = self.world.iter_mut().chain(&mut self.slides);
             for v in vectors.chain(&mut self.axis_in_link) {
-                *v = in_rotated_frame(v, axis, angle);
+                *v = in_rotated_frame(v, axis, &angle.value);
             }
         }
     }
@@ -297,7 +297,8 @@ pub fn is_implied_by(velocity_constraints: &[LinearForm], form: &[(usize, Number
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::spec::Axis;
+    use crate::diag::Span;
+    use crate::spec::{Axis, Expr, Quantity};
 
     #[test]
     fn constraints_imply_the_forms_in_their_span() {
@@ -318,9 +319,16 @@ mod tests {
     /// of its frame.
     fn turned(placement: &[(Axis, i64)], coordinate: usize, axis: usize) -> LinkPath {
         let quarter = Number::pi().mul(&Number::ratio(1, 2).unwrap());
-        let steps = placement
-            .iter()
-            .map(|(axis, quarters)| Step::Rotate(*axis, quarter.mul(&Number::from_i64(*quarters))));
+        let steps = placement.iter().map(|(axis, quarters)| {
+            let angle = quarter.mul(&Number::from_i64(*quarters));
+            let expr = Expr::Number(angle.clone());
+            let quantity = Quantity {
+                expr,
+                value: angle,
+                span: Span::default(),
+            };
+            Step::Rotate(*axis, quantity)
+        });
         let mut path = LinkPath::ground();
         path.apply_placement(&steps.collect());
         path.add_revolute(coordinate, axis);

@@ -48,6 +48,10 @@ pub(super) struct Linkage {
     pub(super) gravity: [Element; 3],
     /// The velocity constraint of each coupling: the sum of these factors times rates is 0.
     pub(super) couplings: Vec<Vector>,
+    /// The constant part of each coupling, in rad or m.
+    pub(super) coupling_constants: Vec<Element>,
+    /// The geometry names.
+    pub(super) names: Names,
 }
 
 fn fixed(placed: Placed) -> Stage {
@@ -59,12 +63,14 @@ impl Linkage {
         let names = Names::new(field, spec);
         let gravity = model.gravity.clone().map(|q| names.element(field, &q));
         let mut couplings = Vec::new();
+        let mut coupling_constants = Vec::new();
         for (coupling, (_, written)) in model.couplings.iter().zip(&spec.couplings) {
             let mut constraint = Vector::from([(coupling.key, Element::one())]);
             for ((coordinate, _), (_, factor)) in coupling.terms.iter().zip(&written.terms) {
                 constraint.insert(*coordinate, names.element(field, factor).neg());
             }
             couplings.push(constraint);
+            coupling_constants.push(names.element(field, &written.constant));
         }
         let node = |link: Option<usize>| -> usize {
             let body = link.and_then(|l| model.bodies.iter().position(|b| b.link == l));
@@ -135,6 +141,8 @@ impl Linkage {
             edges,
             gravity,
             couplings,
+            coupling_constants,
+            names,
         }
     }
 }

@@ -45,9 +45,10 @@ fn restore(placement: &mut Placement, rounding: f64, replaced: &mut Vec<String>)
     for step in placement {
         match step {
             Step::Rotate(_, angle) => {
-                if let Some(meant) = meant(angle) {
-                    replaced.push(format!("{} = {meant}", angle.to_f64()));
-                    *angle = meant;
+                if let Some(meant) = meant(&angle.value) {
+                    replaced.push(format!("{} = {meant}", angle.value.to_f64()));
+                    angle.expr = Expr::Number(meant.clone());
+                    angle.value = meant;
                 }
             }
             Step::Translate(_, length) => {

@@ -40,6 +40,7 @@ mod trees;
 
 pub use analysis::{Analysis, analyse};
 pub use coefficient::Coefficient;
+pub use geometry::angle_names;
 pub use link_path::{Freedom, LinearForm, LinkPath, is_implied_by, link_paths};
 pub use null_completion::recognise;
 pub use rates::velocity_constraints;
@@ -81,7 +82,8 @@ pub enum Exactness {
     /// verified at other values of the names.
     Symbolic,
     /// All factors are known exactly at the given geometry, but not how all of them depend on its
-    /// names. This includes completed factors if [`Base::unvaried_names`] is not empty.
+    /// names. This includes completed factors if [`Base::unvaried_names`] is not empty, and derived
+    /// ones whose expressions in the names have too many terms.
     AtThisGeometry,
     /// Some factors were not recognised: only their numeric values are known.
     Numeric,
@@ -146,12 +148,19 @@ pub struct Base {
     /// How many of these directions change a force at the sampled states. This must be 0; otherwise
     /// the derivation is wrong. Also 0 if there are no samples.
     pub refuted: usize,
-    /// Factors of completed directions of which only numeric values are known, each with the
-    /// reason.
+    /// Factors of which only numeric values are known, each with the reason: those of completed
+    /// directions, and how many expressions in the names have too many terms.
     pub unrecognised: Vec<String>,
     /// Names that layer 3 could not vary, or only in proportion to each other. Completed factors
     /// are verified only at the given values or ratios of these names. Each entry has the reason.
     pub unvaried_names: Vec<String>,
+    /// Where angles have names: the names at other values of which every row was compared with the
+    /// mechanism, except rows that are [`Exactness::AtThisGeometry`]. Empty if it was not sampled
+    /// there, or does not close.
+    pub varied_names: Vec<String>,
+    /// Where angles have names: values of these at which the rank is lower, with the rank there, such
+    /// as `12 at alpha = pi/2`.
+    pub special_angles: Vec<String>,
     /// Equalities of names that hold by their given values only and that the derivation relied on,
     /// such as `l1 = l2`. At other values the base parameters may differ.
     pub coincidences: Vec<String>,
@@ -184,7 +193,7 @@ fn derive_with_completion(
     target: Option<usize>,
     completion: Option<&null_completion::NullCompletion<'_>>,
 ) -> Base {
-    let mut field = Field::default();
+    let mut field = geometry::field(spec, model);
     let linkage = linkage::Linkage::new(&mut field, spec, model);
     // layer 2, velocity constraints: directions of friction parameters, then of the bodies
     let mut start = Span::default();
@@ -255,6 +264,14 @@ fn derive_with_completion(
         };
         exchange::exchange(&mut field, &mut reduced, &rules);
     }
+    let elsewhere = completion.and_then(|completion| {
+        let rows = reduced.rows.iter().map(|(column, row)| (*column, row));
+        completion.compare_elsewhere(&field, spec, model, rows)
+    });
+    let holds_elsewhere = |column: &usize| {
+        let elsewhere = elsewhere.as_ref();
+        elsewhere.is_none_or(|elsewhere| !elsewhere.failing.contains(column))
+    };
     // A reduced row is completed if it has an entry in a tag column. Its factors are known as well
     // as those of the least exact completed direction that it uses.
     let provenance_of = |row: &Vector| -> (Provenance, Exactness) {
@@ -264,6 +281,15 @@ fn derive_with_completion(
             .map_or((Provenance::Derived, Exactness::Symbolic), |e| {
                 (Provenance::Completed, *e)
             })
+    };
+    let mut hidden = 0_usize;
+    let mut exactness_of = |element: &Element| {
+        if element.hides_names() {
+            hidden += 1;
+            Exactness::AtThisGeometry
+        } else {
+            Exactness::Symbolic
+        }
     };
     let substituted: Vec<usize> = known.iter().map(|k| k.column).collect();
     let groups = model.column_groups().into_iter().flatten();
@@ -279,11 +305,17 @@ fn derive_with_completion(
                     provenance = Provenance::Completed;
                     exactness = exactness.max(of_row);
                 }
+                if !holds_elsewhere(eliminated) {
+                    exactness = exactness.max(Exactness::AtThisGeometry);
+                }
                 Some((*eliminated, factor))
             });
             let mut terms: Vec<(usize, Element)> = combined.collect();
             // short coefficients first; among these, bodies far from the ground first
             terms.sort_by_key(|(column, e)| (e.weight(), usize::MAX - column));
+            for (_, element) in &terms {
+                exactness = exactness.max(exactness_of(element));
+            }
             let label = &model.parameters[c].label;
             BaseParameter {
                 column: c,
@@ -297,9 +329,18 @@ fn derive_with_completion(
             }
         })
         .collect();
+    if hidden > 0 {
+        let plural = if hidden == 1 { "" } else { "s" };
+        unrecognised.push(format!(
+            "{hidden} factor{plural} of too many terms in names of the geometry, written as numbers"
+        ));
+    }
     let null = reduced.rows.iter().map(|(column, row)| {
         let entries = row.range(..columns);
-        let (provenance, exactness) = provenance_of(row);
+        let (provenance, mut exactness) = provenance_of(row);
+        if entries.clone().any(|(_, e)| e.hides_names()) || !holds_elsewhere(column) {
+            exactness = exactness.max(Exactness::AtThisGeometry);
+        }
         NullDirection {
             column: *column,
             terms: entries.map(|(c, e)| term(&field, *c, e)).collect(),
@@ -323,6 +364,10 @@ fn derive_with_completion(
         refuted,
         unrecognised,
         unvaried_names,
+        special_angles: completion.map_or_else(Vec::new, |completion| {
+            completion.special_angles(spec, model, model.parameters.len() - null_dimension)
+        }),
+        varied_names: elsewhere.map_or_else(Vec::new, |elsewhere| elsewhere.names),
         coincidences: field.coincidences().map(str::to_owned).collect(),
     }
 }

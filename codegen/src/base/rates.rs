@@ -21,8 +21,7 @@ use super::trees::path;
 
 /// The null directions of friction that follow from velocity constraints, over all columns.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
-    let mut velocity_constraints = linkage.couplings.clone();
-    velocity_constraints.extend(planar_loops(field, linkage));
+    let velocity_constraints = velocity_constraint_vectors(field, linkage);
     let n = model.coordinates.len();
     let mut directions: Vec<Vector> = (0..n).filter_map(|c| same_offset(model, c)).collect();
     let offsets: Vec<Option<Vector>> = (0..n).map(|c| own_offset(model, c)).collect();
@@ -54,16 +53,22 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
 /// The velocity constraints that hold by construction: each is a list of coordinates with factors,
 /// and the sum of factors times rates is 0 at all times.
 pub fn velocity_constraints(spec: &Spec, model: &Model) -> Vec<LinearForm> {
-    let mut field = Field::default();
+    let mut field = super::geometry::field(spec, model);
     let linkage = Linkage::new(&mut field, spec, model);
     all_velocity_constraints(&mut field, &linkage)
 }
 
 /// The velocity constraints of couplings and of planar loops.
 pub(super) fn all_velocity_constraints(field: &mut Field, linkage: &Linkage) -> Vec<LinearForm> {
+    let constraints = velocity_constraint_vectors(field, linkage);
+    constraints.iter().map(to_form).collect()
+}
+
+/// The velocity constraints of couplings and of planar loops, with factors in the field.
+pub(super) fn velocity_constraint_vectors(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
     let mut velocity_constraints = linkage.couplings.clone();
     velocity_constraints.extend(planar_loops(field, linkage));
-    velocity_constraints.iter().map(to_form).collect()
+    velocity_constraints
 }
 
 /// The velocity constraints of couplings alone.
@@ -71,7 +76,7 @@ pub(super) fn coupling_velocity_constraints(linkage: &Linkage) -> Vec<LinearForm
     linkage.couplings.iter().map(to_form).collect()
 }
 
-fn to_form(constraint: &Vector) -> LinearForm {
+pub(super) fn to_form(constraint: &Vector) -> LinearForm {
     constraint
         .iter()
         .map(|(c, e)| (*c, e.value().clone()))
@@ -241,7 +246,7 @@ fn viscous_difference(model: &Model, c: usize) -> Option<Vector> {
 }
 
 /// A basis of the combinations of constraints that contain no other than the given coordinates.
-fn constraints_among(
+pub(super) fn constraints_among(
     field: &mut Field,
     velocity_constraints: &[Vector],
     coordinates: &[usize],

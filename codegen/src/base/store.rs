@@ -12,6 +12,8 @@
 //! refuted 1                           directions that samples contradict, if any
 //! number Ixx(2) in Iyy(3)             a factor that is a number only
 //! held a, b in proportion only: ...   names that were not varied, and why
+//! varied al, a                        names at other values of which rows were checked
+//! special 12 at al = pi/2              a value that lowers the rank
 //! equal l1 = l2                       a coincidence of values
 //! base 23 kept derived                a base parameter: column, kept or dropped, how obtained
 //! term 23 1                           column and factor, for the line above
@@ -91,8 +93,13 @@ pub fn is_slow_in_debug(model: &Model) -> bool {
 }
 
 /// The file's words for the provenance of a combination and the exactness of its factors.
-const PROVENANCE_WORDS: [(&str, Provenance, Exactness); 4] = [
+const PROVENANCE_WORDS: [(&str, Provenance, Exactness); 5] = [
     ("derived", Provenance::Derived, Exactness::Symbolic),
+    (
+        "derived-here",
+        Provenance::Derived,
+        Exactness::AtThisGeometry,
+    ),
     ("completed", Provenance::Completed, Exactness::Symbolic),
     (
         "completed-here",
@@ -154,6 +161,12 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
     }
     for note in &base.unvaried_names {
         let _ = writeln!(out, "held {note}");
+    }
+    if !base.varied_names.is_empty() {
+        let _ = writeln!(out, "varied {}", base.varied_names.join(", "));
+    }
+    for value in &base.special_angles {
+        let _ = writeln!(out, "special {value}");
     }
     for equation in &base.coincidences {
         let _ = writeln!(out, "equal {equation}");
@@ -218,6 +231,8 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             refuted: 0,
             unrecognised: Vec::new(),
             unvaried_names: Vec::new(),
+            varied_names: Vec::new(),
+            special_angles: Vec::new(),
             coincidences: Vec::new(),
         },
         condition: None,
@@ -254,6 +269,8 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             "refuted" => base.refuted = number(0)?,
             "number" => base.unrecognised.push(rest.to_owned()),
             "held" => base.unvaried_names.push(rest.to_owned()),
+            "varied" => base.varied_names = rest.split(", ").map(str::to_owned).collect(),
+            "special" => base.special_angles.push(rest.to_owned()),
             "equal" => base.coincidences.push(rest.to_owned()),
             "base" => {
                 let (provenance, exactness) = parse_provenance(parts.get(2)?)?;

@@ -280,6 +280,19 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
         facts.push(("held", format!("completed factors hold for {note}")));
     }
     facts.push(("certificate", certificate(analysis)));
+    if !base.varied_names.is_empty() {
+        let text = format!(
+            "rows without a mark hold at other values of {} too, by samples there",
+            base.varied_names.join(", ")
+        );
+        facts.push(("names", text));
+    }
+    if !base.special_angles.is_empty() {
+        facts.push((
+            "special",
+            format!("rank {}", base.special_angles.join(", ")),
+        ));
+    }
     facts.extend(largest_coefficient(robot, analysis));
     facts.extend(condition(analysis));
     if !base.coincidences.is_empty() {

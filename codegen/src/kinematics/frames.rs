@@ -101,7 +101,7 @@ impl Turn {
 fn merged(placement: &Placement, joint: Option<(Axis, Angle)>) -> Vec<(Axis, Angle)> {
     let mut angles: Vec<(Axis, Angle)> = Vec::new();
     let steps = placement.iter().filter_map(|step| match step {
-        Step::Rotate(axis, angle) => Some((*axis, Angle::constant(angle.clone()))),
+        Step::Rotate(axis, angle) => Some((*axis, Angle::constant(angle.value.clone()))),
         Step::Translate(..) => None,
     });
     for (axis, angle) in steps.chain(joint) {

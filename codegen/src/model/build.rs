@@ -29,9 +29,9 @@ fn placement(p: &spec::Placement) -> Placement {
         Step::Translate(Axis::X, x),
         Step::Translate(Axis::Y, y),
         Step::Translate(Axis::Z, z),
-        Step::Rotate(Axis::Z, yaw.value),
-        Step::Rotate(Axis::Y, pitch.value),
-        Step::Rotate(Axis::X, roll.value),
+        Step::Rotate(Axis::Z, yaw),
+        Step::Rotate(Axis::Y, pitch),
+        Step::Rotate(Axis::X, roll),
     ]
 }
 
@@ -39,9 +39,9 @@ fn placement(p: &spec::Placement) -> Placement {
 fn joint_frame(frame: &JointFrame) -> Placement {
     match frame {
         JointFrame::Dh { alpha, a, d, theta } => vec![
-            Step::Rotate(Axis::X, alpha.value.clone()),
+            Step::Rotate(Axis::X, alpha.clone()),
             Step::Translate(Axis::X, a.clone()),
-            Step::Rotate(Axis::Z, theta.value.clone()),
+            Step::Rotate(Axis::Z, theta.clone()),
             Step::Translate(Axis::Z, d.clone()),
         ],
         JointFrame::Origin(p) => placement(p),

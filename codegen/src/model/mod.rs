@@ -23,7 +23,7 @@ use crate::sym::Number;
 #[derive(Clone, Debug)]
 pub enum Step {
     /// A rotation about an axis, rad.
-    Rotate(Axis, Number),
+    Rotate(Axis, Quantity),
     /// A translation along an axis, m.
     Translate(Axis, Quantity),
 }

@@ -203,6 +203,46 @@ fn changed(text: &str, mut changes: Vec<Change>) -> String {
     out
 }
 
+/// Returns a spec's text with other values of some names of `geometry`, each an expression.
+///
+/// # Errors
+/// The first name that the spec does not have.
+///
+/// ```
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::spec::{edit::with_geometry, parse};
+///
+/// let text = "\
+/// name: arm
+/// geometry: {alpha: 0.7}
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, dh: {alpha: alpha}, body: link, actuated: true}
+/// ";
+/// let spec = parse(&Source::new("arm.yaml", text))?;
+/// let other = with_geometry(text, &spec, &[("alpha", "pi/2")]);
+/// assert!(other.is_ok_and(|text| text.contains("geometry: {alpha: pi/2}")));
+/// assert_eq!(with_geometry(text, &spec, &[("beta", "0")]), Err("beta"));
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
+pub fn with_geometry<'n>(
+    text: &str,
+    spec: &Spec,
+    values: &[(&'n str, &str)],
+) -> Result<String, &'n str> {
+    let mut changes = Vec::new();
+    for (name, value) in values {
+        let mut names = spec.geometry.iter();
+        let (_, quantity) = names.find(|(own, _)| own.value == *name).ok_or(*name)?;
+        changes.push(Change {
+            span: quantity.span,
+            text: (*value).to_owned(),
+        });
+    }
+    Ok(changed(text, changes))
+}
+
 /// Returns a spec's text with the top-level key `bodies` replaced by this block; without the key,
 /// the block is added at the end.
 ///

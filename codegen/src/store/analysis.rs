@@ -99,6 +99,8 @@ fn write_base(out: &mut Writer, base: &Base) {
         refuted,
         unrecognised,
         unvaried_names,
+        varied_names,
+        special_angles,
         coincidences,
     } = base;
     out.list(parameters, |out, parameter| {
@@ -121,7 +123,13 @@ fn write_base(out: &mut Writer, base: &Base) {
     for count in [from_trees, trees, completed, refuted] {
         out.size(*count);
     }
-    for notes in [unrecognised, unvaried_names, coincidences] {
+    for notes in [
+        unrecognised,
+        unvaried_names,
+        varied_names,
+        special_angles,
+        coincidences,
+    ] {
         out.list(notes, |out, note| out.text(note));
     }
 }
@@ -157,6 +165,8 @@ fn read_base(from: &mut Reader<'_>) -> Option<Base> {
         refuted: from.size()?,
         unrecognised: from.list(Reader::text)?,
         unvaried_names: from.list(Reader::text)?,
+        varied_names: from.list(Reader::text)?,
+        special_angles: from.list(Reader::text)?,
         coincidences: from.list(Reader::text)?,
     })
 }

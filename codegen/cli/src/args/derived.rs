@@ -101,6 +101,9 @@ pub(crate) struct BaseArgs {
     /// Print coefficients as numbers of four digits
     #[arg(long, conflicts_with = "expressions")]
     pub(crate) numbers: bool,
+    /// The table at another value of a name of `geometry`: NAME=VALUE (may be repeated)
+    #[arg(long, value_name = "NAME=VALUE", conflicts_with = "store")]
+    pub(crate) at: Vec<String>,
     /// Print coefficients as expressions, however long
     #[arg(long)]
     pub(crate) expressions: bool,

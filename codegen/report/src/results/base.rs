@@ -32,6 +32,12 @@ pub struct BaseJson<'a> {
     equal_by_value: &'a [String],
     /// Names of geometric values that were not varied: completed factors hold at these values only.
     held: &'a [String],
+    /// Names at other values of which every row was checked, except rows whose factors hold `here`.
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    varied: &'a [String],
+    /// Values of named angles at which the rank is lower, with the rank: `12 at alpha = pi/2`.
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    special: &'a [String],
     /// Factors that are numbers, for which no expression was found.
     unrecognised: &'a [String],
     /// The reasons why completed parameters act only in combination, one per eliminated parameter.
@@ -127,6 +133,8 @@ pub fn base<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]
         trees_opened: own.trees,
         equal_by_value: &own.coincidences,
         held: &own.unvaried_names,
+        varied: &own.varied_names,
+        special: &own.special_angles,
         unrecognised: &own.unrecognised,
         reasons: reasons
             .iter()

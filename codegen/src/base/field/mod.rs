@@ -6,6 +6,7 @@
 //! If the value of a difference is zero and its expression is not, two names are equal only by
 //! value: the equality is recorded, and the expression becomes zero too.
 
+mod angles;
 mod polynomial;
 mod print;
 mod ratio;
@@ -22,7 +23,9 @@ use crate::sym::Number;
 
 pub(crate) use polynomial::Polynomial;
 pub(crate) use ratio::Ratio;
-pub(crate) use variables::{Variable, Variables};
+pub(crate) use variables::{Argument, Variable, Variables};
+
+use angles::Angles;
 
 /// An element of the field. Cloning is cheap.
 #[derive(Clone, Debug)]
@@ -38,7 +41,10 @@ enum Form {
     Constant,
     Expression(Arc<Ratio>),
     /// The expression was dropped, since it grew too long to be read.
-    TooLong,
+    TooLong {
+        /// Whether it contained geometry names.
+        of_names: bool,
+    },
 }
 
 /// The field: its variables, and the coincidences of values that decisions relied on.
@@ -46,6 +52,11 @@ enum Form {
 pub struct Field {
     pub(crate) variables: Variables,
     coincidences: BTreeSet<String>,
+    /// Where angles have names: the polynomials of the coincidences, without common factors.
+    zeros: Vec<(Polynomial, String)>,
+    angles: Angles,
+    /// Whether angles with names are noted only, so that units can be chosen for them.
+    notes_angles: bool,
 }
 
 impl Element {
@@ -76,11 +87,7 @@ impl Element {
         }
     }
 
-    fn new(value: Number, expression: Option<Ratio>) -> Self {
-        let Some(ratio) = expression else {
-            let form = Form::TooLong;
-            return Element { value, form };
-        };
+    fn new(value: Number, ratio: Ratio) -> Self {
         // a simplified expression may be exact where the value was not
         match ratio.as_constant() {
             Some(constant) => Element::exact(constant),
@@ -95,8 +102,14 @@ impl Element {
         match &self.form {
             Form::Constant => Some(Cow::Owned(Ratio::constant(self.value.clone()))),
             Form::Expression(ratio) => Some(Cow::Borrowed(ratio)),
-            Form::TooLong => None,
+            Form::TooLong { .. } => None,
         }
+    }
+
+    /// An element of which the value is known only, though it depends on geometry names.
+    pub(crate) fn without_form(value: Number) -> Self {
+        let form = Form::TooLong { of_names: true };
+        Element { value, form }
     }
 
     fn is_constant(&self) -> bool {
@@ -113,7 +126,7 @@ impl Element {
         self.value.is_zero()
     }
 
-    fn is_one(&self) -> bool {
+    pub(super) fn is_one(&self) -> bool {
         self.is_constant() && self.value.is_one()
     }
 
@@ -135,13 +148,28 @@ impl Element {
         match &self.form {
             Form::Constant => 0,
             Form::Expression(ratio) => ratio.weight(),
-            Form::TooLong => usize::MAX,
+            Form::TooLong { .. } => usize::MAX,
         }
     }
 
     /// Whether the expression is available, and was not dropped as too long.
     pub fn has_form(&self) -> bool {
-        !matches!(self.form, Form::TooLong)
+        !matches!(self.form, Form::TooLong { .. })
+    }
+
+    /// The value for other values of the field's variables; `None` if only a number is known, though it
+    /// depends on names.
+    pub(crate) fn value_at(&self, values: &[Number]) -> Option<Number> {
+        match &self.form {
+            Form::Constant | Form::TooLong { of_names: false } => Some(self.value.clone()),
+            Form::Expression(ratio) => ratio.value(&|index| values.get(index)),
+            Form::TooLong { of_names: true } => None,
+        }
+    }
+
+    /// Whether the element depends on geometry names, and is known as a number only.
+    pub(crate) fn hides_names(&self) -> bool {
+        matches!(self.form, Form::TooLong { of_names: true })
     }
 }
 
@@ -160,7 +188,7 @@ impl Field {
                 .insert(format!("{} = 0", self.variables.name(index)));
             return Element::zero();
         }
-        Element::new(value, Some(Ratio::variable(index)))
+        Element::new(value, Ratio::variable(index))
     }
 
     /// Sine and cosine of a constant angle in rad.
@@ -183,9 +211,109 @@ impl Field {
             };
         }
         // the cosine comes first, since the square of the sine is written with it
+        self.variables_of(&Argument::Constant(angle.clone()), (sin, cos))
+    }
+
+    /// The variables for sine and cosine of an angle, with their values.
+    fn variables_of(
+        &mut self,
+        angle: &Argument,
+        (sin, cos): (Number, Number),
+    ) -> (Element, Element) {
         let cos = self.variable(Variable::Cos(angle.clone()), cos);
         let sin = self.variable(Variable::Sin(angle.clone()), sin);
         (sin, cos)
+    }
+
+    /// A field in which the angles that `use_field` uses are multiples of common units.
+    pub(crate) fn with_units_of(use_field: impl FnOnce(&mut Field)) -> Self {
+        let mut notes = Field {
+            notes_angles: true,
+            ..Field::default()
+        };
+        use_field(&mut notes);
+        Field {
+            angles: notes.angles.settled(),
+            ..Field::default()
+        }
+    }
+
+    /// Whether sines of angles with names were asked for.
+    pub(crate) fn has_named_angles(&self) -> bool {
+        self.notes_angles || self.angles.count() > 0
+    }
+
+    /// Adds the sines and cosines of the units to the variables.
+    pub(crate) fn add_units(&mut self) {
+        for unit in 0..self.angles.count() {
+            self.sin_cos_of_unit(unit);
+        }
+    }
+
+    /// Sine and cosine of an angle in rad that may depend on names.
+    pub(crate) fn sin_cos_of(&mut self, angle: &Element) -> (Element, Element) {
+        let ratio = match &angle.form {
+            Form::Expression(ratio) if self.has_names(angle) => Arc::clone(ratio),
+            Form::TooLong { of_names: true } => {
+                let (sin, cos) = angle.value.sin_cos();
+                return (Element::without_form(sin), Element::without_form(cos));
+            }
+            _ => return self.sin_cos(&angle.value),
+        };
+        let (constant, parts) = angles::split(&ratio);
+        let (sin, cos) = angle.value.sin_cos();
+        if self.notes_angles {
+            self.angles.note(parts);
+            return (Element::without_form(sin), Element::without_form(cos));
+        }
+        if sin.is_zero() || cos.is_zero() {
+            // axes at right angles or parallel: this value is a special one
+            self.add(angle, &Element::exact(angle.value.neg()));
+            return (Element::exact(sin), Element::exact(cos));
+        }
+        let mut sum = self.sin_cos(&constant);
+        for (unit, times) in self.angles.in_units(&parts) {
+            let (sin, cos) = self.sin_cos_of_unit(unit);
+            let one = (if times < 0 { sin.neg() } else { sin }, cos);
+            for _ in 0..times.unsigned_abs() {
+                sum = self.turned(&sum, &one);
+            }
+        }
+        sum
+    }
+
+    /// Sine and cosine of the sum of two angles, from their sines and cosines.
+    fn turned(&mut self, a: &(Element, Element), b: &(Element, Element)) -> (Element, Element) {
+        let ((sa, ca), (sb, cb)) = (a, b);
+        let products = [(sa, cb), (ca, sb), (ca, cb), (sa, sb)].map(|(x, y)| self.mul(x, y));
+        let [sc, cs, cc, ss] = products;
+        (self.add(&sc, &cs), self.sub(&cc, &ss))
+    }
+
+    /// Sine and cosine of a unit of angles: variables, or numbers at a multiple of a right angle.
+    fn sin_cos_of_unit(&mut self, unit: usize) -> (Element, Element) {
+        let ratio = self.angles.unit(unit, &self.variables);
+        let ratio = ratio.unwrap_or_else(Ratio::zero);
+        let value = ratio.value(&|index| self.variables.value(index));
+        let value = value.unwrap_or_else(Number::zero);
+        let (sin, cos) = value.sin_cos();
+        if sin.is_zero() || cos.is_zero() {
+            let unit = Element::new(value.clone(), ratio);
+            self.add(&unit, &Element::exact(value.neg()));
+            return (Element::exact(sin), Element::exact(cos));
+        }
+        let argument = Argument::Named(print::ratio(&ratio, &self.variables), value);
+        self.variables_of(&argument, (sin, cos))
+    }
+
+    /// The values of all variables, where `evaluate` gives the value of an expression.
+    pub(crate) fn values_with(
+        &self,
+        evaluate: &dyn Fn(&str) -> Option<Number>,
+    ) -> Option<Vec<Number>> {
+        let all = 0..self.variables.count();
+        all.map(|index| evaluate(&self.variables.name(index).to_string()))
+            .collect()
     }
 
     /// `a + b`.
@@ -200,23 +328,121 @@ impl Field {
         if a.is_constant() && b.is_constant() {
             return Element::exact(value);
         }
-        let form = match (a.expression(), b.expression()) {
-            (Some(x), Some(y)) => x.add(&y, &self.variables),
-            _ => None,
-        };
-        if value.is_zero() {
-            if let Some(form) = form.filter(|f| !f.is_zero()) {
-                self.record_coincidence(&form);
+        let sum = self.combined(value, [a, b], Ratio::add);
+        if sum.value.is_zero() {
+            if let Form::Expression(ratio) = &sum.form {
+                self.record_coincidence(ratio);
             }
             return Element::zero();
         }
-        Element::new(value, form)
+        sum
+    }
+
+    /// The element with this value and the expression that `operation` makes of those of two others.
+    fn combined(
+        &self,
+        value: Number,
+        [a, b]: [&Element; 2],
+        operation: fn(&Ratio, &Ratio, &Variables) -> Option<Ratio>,
+    ) -> Element {
+        let form = match (a.expression(), b.expression()) {
+            (Some(x), Some(y)) => operation(&x, &y, &self.variables),
+            _ => None,
+        };
+        if let Some(ratio) = form {
+            return Element::new(value, ratio);
+        }
+        let form = Form::TooLong {
+            of_names: self.has_names(a) || self.has_names(b),
+        };
+        Element { value, form }
+    }
+
+    /// Whether an element depends on geometry names.
+    fn has_names(&self, a: &Element) -> bool {
+        match &a.form {
+            Form::Constant => false,
+            Form::Expression(ratio) => {
+                let parts = [ratio.numerator(), ratio.denominator()];
+                let mut used = parts.into_iter().flat_map(Polynomial::variables_used);
+                used.any(|index| self.variables.is_named(index))
+            }
+            Form::TooLong { of_names } => *of_names,
+        }
     }
 
     /// Records that an expression is zero at the given geometry, though not for every geometry.
     fn record_coincidence(&mut self, form: &Ratio) {
-        let equation = print::coincidence(form.numerator(), &self.variables);
+        let p = form.numerator();
+        let equation = self.equality_of_angles(p);
+        let equation = equation.unwrap_or_else(|| print::coincidence(p, &self.variables));
+        if self.has_named_angles() {
+            // an equation that follows from another one says nothing new
+            let p = p.without(&p.common_monomial());
+            if self.zeros.iter().any(|(zero, _)| p.divided(zero).is_some()) {
+                return;
+            }
+            let (coincidences, zeros) = (&mut self.coincidences, &mut self.zeros);
+            zeros.retain(|(zero, implied)| {
+                let keeps = *implied == equation || zero.divided(&p).is_none();
+                if !keeps {
+                    coincidences.remove(implied);
+                }
+                keeps
+            });
+            self.zeros.push((p, equation.clone()));
+        }
         self.coincidences.insert(equation);
+    }
+
+    /// The equality of two angles, or of an angle and a number, by which a polynomial is zero.
+    fn equality_of_angles(&self, p: &Polynomial) -> Option<String> {
+        let used = p.variables_used();
+        let sines = self.variables.named_sines();
+        let angles: Vec<(usize, usize)> = sines
+            .filter(|(sin, cos)| used.contains(sin) || used.contains(cos))
+            .collect();
+        let value = |index: usize| self.variables.value(index);
+        for (k, (sin, cos)) in angles.iter().enumerate() {
+            for (other_sin, other_cos) in angles.iter().take(k) {
+                let opposite = value(*sin) != value(*other_sin);
+                let minus = value(*other_sin).map(Number::neg);
+                if value(*cos) != value(*other_cos) || (opposite && value(*sin) != minus.as_ref()) {
+                    continue;
+                }
+                let equal = |index: usize| {
+                    if index == *sin {
+                        let sine = Polynomial::variable(*other_sin);
+                        Some(if opposite { sine.neg() } else { sine })
+                    } else {
+                        (index == *cos).then(|| Polynomial::variable(*other_cos))
+                    }
+                };
+                if p.replaced(&equal, &self.variables).is_zero() {
+                    let (angle, value) = self.variables.angle_of(*sin)?;
+                    let (other, other_value) = self.variables.angle_of(*other_sin)?;
+                    // equal but for whole turns
+                    let (value, other_value) = (value?, other_value?);
+                    let turns = if opposite {
+                        value.add(other_value)
+                    } else {
+                        value.sub(other_value)
+                    };
+                    let mut terms = vec![(opposite, other)];
+                    if !turns.is_zero() {
+                        let turns = (false, Coefficient::from(&turns));
+                        terms.insert(usize::from(!opposite), turns);
+                    }
+                    return Some(format!("{angle} = {}", Coefficient::sum(terms)));
+                }
+            }
+        }
+        let [(sin, cos)] = angles[..] else {
+            return None;
+        };
+        let alone = used.iter().all(|index| [sin, cos].contains(index));
+        let (angle, value) = self.variables.angle_of(sin).filter(|_| alone)?;
+        Some(format!("{angle} = {}", value?))
     }
 
     /// `a - b`.
@@ -239,11 +465,7 @@ impl Field {
         if a.is_constant() && b.is_constant() {
             return Element::exact(value);
         }
-        let form = match (a.expression(), b.expression()) {
-            (Some(x), Some(y)) => x.mul(&y, &self.variables),
-            _ => None,
-        };
-        Element::new(value, form)
+        self.combined(value, [a, b], Ratio::mul)
     }
 
     /// `a / b`; `None` if b is zero.
@@ -261,18 +483,14 @@ impl Field {
         if a.is_constant() && b.is_constant() {
             return Some(Element::exact(value));
         }
-        let form = match (a.expression(), b.expression()) {
-            (Some(x), Some(y)) => x.div(&y, &self.variables),
-            _ => None,
-        };
-        Some(Element::new(value, form))
+        Some(self.combined(value, [a, b], Ratio::div))
     }
 
     /// The expression for printing; the value if the expression was dropped as too long.
     pub fn coefficient(&self, a: &Element) -> Coefficient {
         match &a.form {
             Form::Expression(ratio) => print::ratio(ratio, &self.variables),
-            Form::Constant | Form::TooLong => (&a.value).into(),
+            Form::Constant | Form::TooLong { .. } => (&a.value).into(),
         }
     }
 }

@@ -13,6 +13,11 @@ pub(super) type Monomial = Vec<u8>;
 /// The largest number of terms of an expression; longer ones are dropped, as nobody would read
 /// them.
 const MAX_TERMS: usize = 40;
+/// The same, where sines and cosines of names are among the variables: sums over both are longer.
+const MAX_TERMS_WITH_ANGLES: usize = 120;
+/// The largest power of a variable: the terms of longer expressions cancel, so that doubles could not
+/// evaluate them.
+const MAX_POWER: u8 = 32;
 /// The largest number of steps for a greatest common divisor; then 1 is used instead.
 const MAX_GCD_STEPS: usize = 24;
 
@@ -43,6 +48,26 @@ fn quotient(a: &Monomial, b: &Monomial) -> Option<Monomial> {
     }
     trim(&mut result);
     Some(result)
+}
+
+/// The largest monomial that divides two others.
+pub(super) fn shared(a: &Monomial, b: &Monomial) -> Monomial {
+    let mut common: Monomial = a.iter().zip(b).map(|(x, y)| *x.min(y)).collect();
+    trim(&mut common);
+    common
+}
+
+/// The quotient of two monomials in lowest terms.
+pub(super) fn lowest(above: &Monomial, below: &Monomial) -> (Monomial, Monomial) {
+    let (mut above, mut below) = (above.clone(), below.clone());
+    for (a, b) in above.iter_mut().zip(&mut below) {
+        let common = (*a).min(*b);
+        *a -= common;
+        *b -= common;
+    }
+    trim(&mut above);
+    trim(&mut below);
+    (above, below)
 }
 
 fn trim(m: &mut Monomial) {
@@ -79,8 +104,14 @@ impl Polynomial {
         }
     }
 
-    pub(super) fn too_long(&self) -> bool {
-        self.terms.len() > MAX_TERMS
+    /// Whether the polynomial has too many terms, more of them with sines of names, or too large a
+    /// power.
+    pub(super) fn too_long(&self, variables: &Variables) -> bool {
+        let mut powers = self.terms.keys().flatten();
+        let count = self.terms.len();
+        count > MAX_TERMS
+            && (count > MAX_TERMS_WITH_ANGLES || variables.named_sines().next().is_none())
+            || powers.any(|power| *power > MAX_POWER)
     }
 
     fn push(&mut self, monomial: Monomial, value: Number) {
@@ -133,6 +164,83 @@ impl Polynomial {
         result
     }
 
+    /// The polynomial with the squares of a cosine, at `cosine`, written with the sine at `sine`.
+    pub(super) fn with_squares_of_sine(&self, cosine: usize, sine: usize) -> Self {
+        let one = Polynomial::constant(Number::one());
+        let square = Polynomial::variable(sine).plain_mul(&Polynomial::variable(sine));
+        let square = one.add(&square.neg());
+        let powers = self.by_powers(cosine);
+        let mut result = Polynomial::default();
+        for (power, factor) in powers.iter().enumerate() {
+            let squares = (0..power / 2).fold(factor.clone(), |p, _| p.plain_mul(&square));
+            result = result.add(&if power % 2 == 0 {
+                squares
+            } else {
+                squares.plain_mul(&Polynomial::variable(cosine))
+            });
+        }
+        result
+    }
+
+    /// The polynomial with sine and cosine of twice an angle in place of products of those of the
+    /// angle; each pair gives the sine first.
+    pub(super) fn with_double_angle(
+        &self,
+        [sine, cosine]: [usize; 2],
+        [double_sine, double_cosine]: [usize; 2],
+    ) -> Self {
+        let half = Number::ratio(1, 2).unwrap_or_else(Number::one);
+        let halved = |p: Polynomial| p.scaled(&half);
+        // cos^2 = (1 + cos 2x)/2
+        let one = Polynomial::constant(Number::one());
+        let square = halved(one.add(&Polynomial::variable(double_cosine)));
+        let mut result = Polynomial::default();
+        for (monomial, factor) in &self.terms {
+            let power = |index: usize| monomial.get(index).copied().unwrap_or(0);
+            let (sines, cosines) = (power(sine), power(cosine));
+            let mut rest = monomial.clone();
+            for index in [sine, cosine] {
+                if let Some(e) = rest.get_mut(index) {
+                    *e = 0;
+                }
+            }
+            trim(&mut rest);
+            let mut term = Polynomial::default();
+            term.push(rest, factor.clone());
+            for _ in 0..cosines / 2 {
+                term = term.plain_mul(&square);
+            }
+            term = match (sines, cosines % 2) {
+                (0, 0) => term,
+                (0, _) => term.plain_mul(&Polynomial::variable(cosine)),
+                (_, 0) => term.plain_mul(&Polynomial::variable(sine)),
+                _ => halved(term.plain_mul(&Polynomial::variable(double_sine))),
+            };
+            result = result.add(&term);
+        }
+        result
+    }
+
+    /// The polynomial with other polynomials in place of some variables.
+    pub(super) fn replaced(
+        &self,
+        replacement: &dyn Fn(usize) -> Option<Polynomial>,
+        variables: &Variables,
+    ) -> Self {
+        let mut result = Polynomial::default();
+        for (monomial, factor) in &self.terms {
+            let mut term = Polynomial::constant(factor.clone());
+            for (index, power) in monomial.iter().enumerate() {
+                let base = replacement(index).unwrap_or_else(|| Polynomial::variable(index));
+                for _ in 0..*power {
+                    term = term.mul(&base, variables);
+                }
+            }
+            result = result.add(&term);
+        }
+        result
+    }
+
     /// Adds a term, in which sin^2 is replaced by 1 - cos^2 until no square of a sine remains.
     fn push_reduced(&mut self, monomial: Monomial, value: Number, variables: &Variables) {
         for (i, e) in monomial.iter().enumerate() {
@@ -166,10 +274,11 @@ impl Polynomial {
         let (lead, factor) = (lead.clone(), Number::one().div(factor)?);
         let mut rest = self.clone();
         let mut result = Polynomial::default();
+        let most = MAX_TERMS.max(self.terms.len());
         let mut steps = 0;
         while let Some((m, c)) = rest.leading() {
             steps += 1;
-            if steps > MAX_TERMS {
+            if steps > most {
                 return None;
             }
             let monomial = quotient(m, &lead)?;
@@ -218,7 +327,7 @@ impl Polynomial {
         p
     }
 
-    fn variables_used(&self) -> Vec<usize> {
+    pub(super) fn variables_used(&self) -> Vec<usize> {
         let mut used: Vec<usize> = self
             .terms
             .keys()
@@ -378,7 +487,7 @@ fn pseudo_remainder(
             .plain_mul(&lead)
             .plain_mul(b);
         rest = rest.plain_mul(&lead_b).add(&shifted.neg());
-        if rest.too_long() {
+        if rest.terms.len() > MAX_TERMS {
             return None;
         }
     }

@@ -8,7 +8,7 @@ use dashu_ratio::RBig;
 use crate::base::Coefficient;
 use crate::sym::Number;
 
-use super::polynomial::Monomial;
+use super::polynomial::{Monomial, lowest};
 use super::{Polynomial, Ratio, Variables};
 
 /// The factors of a monomial: powers of variables.
@@ -85,20 +85,59 @@ fn over(p: &Polynomial, below: &[Coefficient], variables: &Variables) -> Coeffic
 /// A polynomial divided by a monomial, each term in lowest terms.
 fn over_monomial(p: &Polynomial, below: &Monomial, variables: &Variables) -> Coefficient {
     sum(p, |coefficient, monomial| {
-        let (mut above, mut under) = (monomial.clone(), below.clone());
-        for (a, u) in above.iter_mut().zip(&mut under) {
-            let common = (*a).min(*u);
-            *a -= common;
-            *u -= common;
-        }
+        let (above, under) = lowest(monomial, below);
         let under = factors(&under, variables);
         term(coefficient, &above, &under, variables)
     })
 }
 
+/// How long a polynomial is: its number of terms, and the sum of all powers.
+fn size(p: &Polynomial) -> (usize, u32) {
+    let powers = p.terms.keys().flatten();
+    (p.terms.len(), powers.map(|e| u32::from(*e)).sum())
+}
+
+/// A polynomial with other functions of named angles wherever these make it shorter: sin^2 in place of
+/// 1 - cos^2, and sines of twice an angle in place of products, which are added to the variables.
+fn shortest(p: &Polynomial, variables: &mut Variables) -> Polynomial {
+    let mut best = p.clone();
+    let used = p.variables_used();
+    let angles: Vec<(usize, usize)> = variables
+        .named_sines()
+        .filter(|(sine, cosine)| used.contains(sine) || used.contains(cosine))
+        .collect();
+    for (sine, cosine) in angles {
+        let squares = best.with_squares_of_sine(cosine, sine);
+        let mut own = best.clone();
+        if size(&squares) < size(&own) {
+            own = squares;
+        }
+        if own.terms.len() > 1
+            && let Some((double_sine, double_cosine)) = variables.doubled(sine)
+        {
+            let doubled = best.with_double_angle([sine, cosine], [double_sine, double_cosine]);
+            let squares = doubled.with_squares_of_sine(double_cosine, double_sine);
+            for other in [doubled, squares] {
+                if other.terms.len() < own.terms.len() {
+                    own = other;
+                }
+            }
+        }
+        best = own;
+    }
+    best
+}
+
 /// A quotient as it is printed.
 pub(super) fn ratio(r: &Ratio, variables: &Variables) -> Coefficient {
     let (n, d) = (r.numerator(), r.denominator());
+    let mut variables = variables.clone();
+    let (n, d) = (shortest(n, &mut variables), shortest(d, &mut variables));
+    let variables = &variables;
+    // the leading coefficient of the denominator is 1 again
+    let inverse = d.leading().and_then(|(_, lead)| Number::one().div(lead));
+    let inverse = inverse.unwrap_or_else(Number::one);
+    let (n, d) = &(n.scaled(&inverse), d.scaled(&inverse));
     if d.as_constant().is_some() {
         return over(n, &[], variables);
     }

@@ -2,6 +2,7 @@
 
 use crate::sym::Number;
 
+use super::polynomial::{self, Monomial};
 use super::{Polynomial, Variables};
 
 /// A quotient of polynomials; the denominator's leading coefficient is 1.
@@ -27,6 +28,43 @@ impl Ratio {
         Ratio {
             numerator: Polynomial::variable(index),
             denominator: Polynomial::constant(Number::one()),
+        }
+    }
+
+    /// The quotient of two products of variables without common factors.
+    pub(super) fn of_monomials(above: Monomial, below: Monomial) -> Self {
+        Ratio {
+            numerator: Polynomial::from_monomial(above),
+            denominator: Polynomial::from_monomial(below),
+        }
+    }
+
+    /// The products of variables above and below the line.
+    pub(super) fn monomials(&self) -> [Vec<Monomial>; 2] {
+        [&self.numerator, &self.denominator].map(|p| p.terms.keys().cloned().collect())
+    }
+
+    /// The value for these values of the variables.
+    pub(super) fn value<'n>(&self, of: &dyn Fn(usize) -> Option<&'n Number>) -> Option<Number> {
+        let value = |p: &Polynomial| -> Option<Number> {
+            let mut sum = Number::zero();
+            for (monomial, factor) in &p.terms {
+                let mut term = factor.clone();
+                for (index, power) in monomial.iter().enumerate().filter(|(_, power)| **power > 0) {
+                    term = term.mul(&of(index)?.powi(i64::from(*power))?);
+                }
+                sum = sum.add(&term);
+            }
+            Some(sum)
+        };
+        value(&self.numerator)?.div(&value(&self.denominator)?)
+    }
+
+    /// The product with a number other than 0.
+    pub(super) fn scaled(&self, factor: &Number) -> Self {
+        Ratio {
+            numerator: self.numerator.scaled(factor),
+            denominator: self.denominator.clone(),
         }
     }
 
@@ -77,10 +115,20 @@ impl Ratio {
         if numerator.is_zero() {
             return Some(Ratio::zero());
         }
-        if numerator.too_long() || denominator.too_long() {
+        if numerator.too_long(variables) || denominator.too_long(variables) {
             return None;
         }
         let (mut n, mut d) = (numerator, denominator);
+        if d.as_constant().is_none() {
+            let common = polynomial::shared(&n.common_monomial(), &d.common_monomial());
+            if !common.is_empty() {
+                (n, d) = (n.without(&common), d.without(&common));
+            }
+            // without remainder: no search for a common divisor is needed
+            if let Some(whole) = n.divided(&d) {
+                (n, d) = (whole, Polynomial::constant(Number::one()));
+            }
+        }
         if d.as_constant().is_none() {
             let common = n.common_divisor(&d);
             if common.as_constant().is_none()

@@ -165,7 +165,7 @@ fn an_expression_that_is_too_long_is_written_as_its_value() {
     let name = f.variable(Variable::Name("l".to_owned()), half.clone());
     let long = Element {
         value: half.clone(),
-        form: Form::TooLong,
+        form: Form::TooLong { of_names: true },
     };
     // an element computed from one whose expression was dropped has no expression either
     let sum = f.add(&name, &long);

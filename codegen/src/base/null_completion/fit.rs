@@ -6,10 +6,12 @@ use crate::base::field::{Element, Field, Variable};
 use crate::sym::Number;
 
 use super::recognise::{agree, factors, is_rounding, recognise};
-use super::scaled_geometry::Group;
+use super::scaled_geometry::{Group, Powers};
 
 /// The largest power of a name, in absolute value, in a product.
 const MAX_POWER: i64 = 4;
+/// The largest power of a sine or cosine, in absolute value, in a product.
+const MAX_POWER_OF_SINE: i64 = 2;
 /// The largest power of a name, in absolute value, in a sum.
 const MAX_POWER_IN_SUM: i64 = 2;
 /// The largest number of candidate terms for a sum.
@@ -62,7 +64,7 @@ impl SampledFactor {
 #[derive(Clone, Debug)]
 struct Product {
     factor: Number,
-    powers: Vec<i64>,
+    powers: Vec<Powers>,
 }
 
 /// A sum of products of powers.
@@ -109,14 +111,22 @@ impl Fit {
             let mut term = Element::exact(product.factor.clone());
             for (group, power) in groups.iter().zip(&product.powers) {
                 let name = Variable::Name(group.name.clone());
-                let variable = field.variable(name, group.value.clone());
-                for _ in 0..power.unsigned_abs() {
-                    term = if *power > 0 {
-                        field.mul(&term, &variable)
-                    } else {
-                        // the value of a group is not zero
-                        field.div(&term, &variable).unwrap_or_else(Element::zero)
-                    };
+                let name = field.variable(name, group.value.clone());
+                let variables = if group.is_angle {
+                    let (sin, cos) = field.sin_cos_of(&name);
+                    [cos, sin]
+                } else {
+                    [name, Element::one()]
+                };
+                for (variable, power) in variables.iter().zip(power) {
+                    for _ in 0..power.unsigned_abs() {
+                        term = if *power > 0 {
+                            field.mul(&term, variable)
+                        } else {
+                            // neither the value of a group is zero, nor its sine or cosine
+                            field.div(&term, variable).unwrap_or_else(Element::zero)
+                        };
+                    }
                 }
             }
             sum = field.add(&sum, &term);
@@ -126,27 +136,53 @@ impl Fit {
 }
 
 /// The product of powers of the names, with each name scaled if `scales` are given.
-fn powers_of(groups: &[Group], scales: Option<&[Number]>, powers: &[i64]) -> Option<Number> {
+fn powers_of(groups: &[Group], scales: Option<&[Number]>, powers: &[Powers]) -> Option<Number> {
     let mut product = Number::one();
     for (k, (group, power)) in groups.iter().zip(powers).enumerate() {
         let scale = scales.and_then(|s| s.get(k));
-        let value = scale.map_or_else(|| group.value.clone(), |s| group.value.mul(s));
-        product = product.mul(&value.powi(*power)?);
+        product = product.mul(&group.product(scale, *power)?);
     }
     Some(product)
 }
 
-/// The power of a group's name in a factor that is a product of powers; `None` if it is not.
-fn power(before: &Float320, after: &Float320, scale: &Number) -> Option<i64> {
+/// The powers with which a group may occur in a product, small ones first.
+fn candidates(group: &Group, sum: bool) -> Vec<Powers> {
+    let mut all: Vec<Powers> = if group.is_angle {
+        // the square of a sine is written with the cosine in a sum
+        let cosines = -MAX_POWER_OF_SINE..=MAX_POWER_OF_SINE;
+        let sines = -MAX_POWER_OF_SINE..=if sum { 1 } else { MAX_POWER_OF_SINE };
+        cosines
+            .flat_map(|c| sines.clone().map(move |s| [c, s]))
+            .collect()
+    } else {
+        let largest = if sum { MAX_POWER_IN_SUM } else { MAX_POWER };
+        (-largest..=largest).map(|p| [p, 0]).collect()
+    };
+    if group.is_angle && sum {
+        all.retain(|[c, s]| c.abs() + s.abs() <= MAX_POWER_OF_SINE);
+    }
+    all.sort_by_key(|powers| powers.iter().map(|p| p.abs()).sum::<i64>());
+    all
+}
+
+/// The powers of a group's name in a factor that is a product of powers; `None` if it is not.
+fn power(before: &Float320, after: &Float320, scale: &Number, group: &Group) -> Option<Powers> {
     let ratio = after.checked_div(*before)?;
-    (-MAX_POWER..=MAX_POWER).find(|p| scale.powi(*p).is_some_and(|s| agree(&ratio, &s)))
+    candidates(group, false).into_iter().find(|powers| {
+        let change = group.product(Some(scale), *powers).and_then(|scaled| {
+            let own = group.product(None, *powers)?;
+            scaled.div(&own)
+        });
+        change.is_some_and(|change| agree(&ratio, &change))
+    })
 }
 
 fn monomial(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
-    let powers: Option<Vec<i64>> = observed
-        .one_scaled
-        .iter()
-        .map(|after| after.map_or(Some(0), |a| power(&observed.value, &a, scale)))
+    let one_scaled = observed.one_scaled.iter().zip(groups);
+    let powers: Option<Vec<Powers>> = one_scaled
+        .map(|(after, group)| {
+            after.map_or(Some([0; 2]), |a| power(&observed.value, &a, scale, group))
+        })
         .collect();
     let powers = powers?;
     let product = powers_of(groups, None, &powers)?;
@@ -161,20 +197,21 @@ fn monomial(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Optio
 /// A sum, found as an integer relation among products of powers at unrelated values of the names.
 fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
     let sample = observed.all_scaled.first()?;
-    let involved: Vec<bool> = observed
-        .one_scaled
-        .iter()
-        .map(|a| a.is_some_and(|a| power(&observed.value, &a, scale) != Some(0)))
-        .collect();
     let mut exponents = vec![vec![]];
-    for is_involved in involved {
-        let range = if is_involved { MAX_POWER_IN_SUM } else { 0 };
+    for (after, group) in observed.one_scaled.iter().zip(groups) {
+        let is_involved =
+            after.is_some_and(|a| power(&observed.value, &a, scale, group) != Some([0; 2]));
+        let mut range = vec![[0; 2]];
+        if is_involved {
+            range = candidates(group, true);
+            range.sort_unstable();
+        }
         exponents = exponents
             .into_iter()
-            .flat_map(|powers: Vec<i64>| {
-                (-range..=range).map(move |p| {
+            .flat_map(|powers: Vec<Powers>| {
+                range.iter().map(move |p| {
                     let mut powers = powers.clone();
-                    powers.push(p);
+                    powers.push(*p);
                     powers
                 })
             })
@@ -186,11 +223,13 @@ fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit
     let roots = [Number::one(), Number::from_i64(3).sqrt()?];
     // the factor has a dimension, so all terms have the same degree in the lengths
     for degree in [0, 1, -1, 2, -2] {
-        let mut candidates: Vec<&Vec<i64>> = exponents
-            .iter()
-            .filter(|p| p.iter().sum::<i64>() == degree)
-            .collect();
-        candidates.sort_by_key(|p| p.iter().map(|e| e.abs()).sum::<i64>());
+        let lengths = |p: &[Powers]| -> i64 {
+            let powers = p.iter().zip(groups).filter(|(_, group)| !group.is_angle);
+            powers.map(|(p, _)| p[0]).sum()
+        };
+        let mut candidates: Vec<&Vec<Powers>> =
+            exponents.iter().filter(|p| lengths(p) == degree).collect();
+        candidates.sort_by_key(|p| p.iter().flatten().map(|e| e.abs()).sum::<i64>());
         for roots in [&roots[..1], &roots[..]] {
             let max_candidates = MAX_CANDIDATES / roots.len();
             let mut products = Vec::new();
@@ -224,6 +263,7 @@ fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use std::collections::BTreeSet;
 
     /// A finger and its mirrored twin, whose frames are rounded differently in the file.
     #[test]
@@ -251,7 +291,8 @@ mod tests {
         let text = "name: two\ngeometry: {a: 0.3, b: 0.7}\nlimbs: [{name: arm, joints: \
                     [{name: q1, type: revolute, body: 1, actuated: true}]}]\n";
         let source = crate::diag::Source::new("two.yaml", text);
-        let groups = super::super::scaled_geometry::groups(&crate::spec::parse(&source).unwrap());
+        let spec = crate::spec::parse(&source).unwrap();
+        let groups = super::super::scaled_geometry::groups(&spec, &BTreeSet::new());
         let [a, b] = ["0.3", "0.7"].map(|d| Number::parse_decimal(d).unwrap());
         let wide = |x: &Number| Float320::from_number(x);
         let scale = Number::ratio(33, 32).unwrap();

@@ -21,7 +21,7 @@ mod scaled_geometry;
 mod shapes;
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use crate::model::Model;
@@ -31,17 +31,21 @@ use crate::sym::Number;
 use super::Exactness;
 use super::certificate::{Float320, Samples, certify};
 use super::field::{Element, Field};
+use super::geometry::angle_names;
 use super::kept_columns;
 use super::span::Vector;
 
 use fit::{Fit, SampledFactor, ScaledFactor};
 pub use recognise::recognise;
-use scaled_geometry::{Group, fixed_angles, groups, sample};
+use scaled_geometry::{Group, fixed_angles, groups, sample, sample_of, scaled};
 
 /// The largest residual of a null direction, relative to the largest sampled entry times the
 /// largest entry of the direction (see `Samples::scaled_residual`): the samples carry 96 digits, so the
 /// residual of a true null direction is far smaller.
 const MAX_NULL_RESIDUAL: f64 = 1e-60;
+
+/// The largest number of parameters of a mechanism that is sampled at special angles.
+const MAX_COLUMNS_FOR_SPECIAL: usize = 100;
 
 /// The completion of a null space from samples of the regressor at random closed states.
 #[derive(Debug)]
@@ -64,6 +68,15 @@ pub(super) struct Completed {
     /// Notes on the geometry names that could not be varied, or only in proportion, so that it is
     /// unknown whether the factors depend on them, each with the reason.
     pub(super) unvaried_names: Vec<String>,
+}
+
+/// How directions compare with the mechanism at other values of the names.
+#[derive(Debug, Default)]
+pub(super) struct Elsewhere {
+    /// The eliminated columns of those that are not null there.
+    pub(super) failing: BTreeSet<usize>,
+    /// The names that had other values.
+    pub(super) names: Vec<String>,
 }
 
 impl<'a> NullCompletion<'a> {
@@ -99,6 +112,65 @@ impl<'a> NullCompletion<'a> {
         self.samples
             .scaled_residual_of(&entries.collect::<Vec<_>>())
             <= MAX_NULL_RESIDUAL
+    }
+
+    /// Compares directions with samples of the mechanism at other values of all names that can be
+    /// varied, angles among them; `None` if no name is an angle, or if the mechanism does not close
+    /// at other values or has another rank there.
+    pub(super) fn compare_elsewhere<'r>(
+        &self,
+        field: &Field,
+        spec: &Spec,
+        model: &Model,
+        directions: impl Iterator<Item = (usize, &'r Vector)>,
+    ) -> Option<Elsewhere> {
+        let angles = angle_names(spec, model);
+        if angles.is_empty() {
+            return None;
+        }
+        let groups = groups(spec, &angles);
+        let scales = groups.iter().zip(1..).map(|(group, k)| {
+            let shift = SCALE_SHIFT_STEPS[0] * k % SCALE_SHIFT_MODULUS;
+            Number::ratio(SCALE_DENOMINATOR + shift, SCALE_DENOMINATOR).map(|scale| (group, scale))
+        });
+        let scales: Vec<(&Group, Number)> = scales.collect::<Option<_>>()?;
+        let other = scaled(spec, &scales)?;
+        let samples = sample_of(&other, self.seed)?;
+        let certificate = samples.certificate();
+        if certificate.rank != self.samples.certificate().rank {
+            return None;
+        }
+        let values = field.values_with(&|text| other.evaluate(text))?;
+        let holds = |direction: &Vector| {
+            let entries = direction.range(..certificate.columns);
+            let entries = entries.map(|(c, element)| {
+                let value = element.value_at(&values)?;
+                Some((*c, Float320::from_number(&value)))
+            });
+            let entries: Option<Vec<(usize, Float320)>> = entries.collect();
+            entries.is_some_and(|e| samples.scaled_residual_of(&e) <= MAX_NULL_RESIDUAL)
+        };
+        let failing = directions.filter(|(_, direction)| {
+            // a direction with a number in place of an expression cannot be compared
+            let is_known = direction.values().all(|element| !element.hides_names());
+            is_known && !holds(direction)
+        });
+        Some(Elsewhere {
+            failing: failing.map(|(column, _)| column).collect(),
+            names: groups
+                .iter()
+                .flat_map(|group| group.members().map(str::to_owned))
+                .collect(),
+        })
+    }
+
+    /// The right angles, and straight ones, that lower the rank where a named angle has this value:
+    /// each with the rank there, such as `12 at alpha = pi/2`. Loops that do not close there are left
+    /// out.
+    ///
+    /// - `rank`: the rank at the given values.
+    pub(super) fn special_angles(&self, spec: &Spec, model: &Model, rank: usize) -> Vec<String> {
+        special_angles(spec, model, rank, self.seed)
     }
 
     /// Finds null directions of the sampled regressor in addition to the derived ones.
@@ -138,7 +210,8 @@ impl<'a> NullCompletion<'a> {
         let Ok(fresh_samples) = certify(model, self.home, self.seed + 1) else {
             return completed;
         };
-        let scaled_samples = ScaledSamples::new(spec, certificate.rank, self.seed);
+        let angles = angle_names(spec, model);
+        let scaled_samples = ScaledSamples::new(spec, &angles, certificate.rank, self.seed);
         completed
             .unvaried_names
             .clone_from(&scaled_samples.unvaried_names);
@@ -189,6 +262,37 @@ impl<'a> NullCompletion<'a> {
             support,
         })
     }
+}
+
+/// See [`NullCompletion::special_angles`].
+fn special_angles(spec: &Spec, model: &Model, rank: usize, seed: u64) -> Vec<String> {
+    let angles = angle_names(spec, model);
+    let columns = model.parameters.len();
+    if columns > MAX_COLUMNS_FOR_SPECIAL {
+        return Vec::new();
+    }
+    let rank_of = |spec: &Spec| Some(sample_of(spec, seed)?.certificate().rank);
+    let mut found = Vec::new();
+    for group in groups(spec, &angles).iter().filter(|group| group.is_angle) {
+        for name in group.members() {
+            for quarters in [0, 1, -1, 2] {
+                let own = spec.geometry.iter().find(|(n, _)| n.value == name);
+                let value = Number::ratio(quarters, 2).map(|half| half.mul(&Number::pi()));
+                let (Some((_, own)), Some(value)) = (own, value) else {
+                    continue;
+                };
+                let scale = value.div(&own.value);
+                let Some(other) = scale.and_then(|s| scaled(spec, &[(&group.only(name), s)]))
+                else {
+                    continue;
+                };
+                if let Some(lower) = rank_of(&other).filter(|other| *other < rank) {
+                    found.push(format!("{lower} at {name} = {value}"));
+                }
+            }
+        }
+    }
+    found
 }
 
 /// A factor of a null direction, in the most general form in which it was recognised.
@@ -290,6 +394,14 @@ fn values(direction: &Vector, columns: usize) -> Vec<Float320> {
     values
 }
 
+/// The note on names that cannot be varied.
+fn as_given(names: &[&str]) -> String {
+    format!(
+        "{} as given only: with other values the loops do not close, or the rank is another",
+        names.join(", ")
+    )
+}
+
 /// The denominator of the scales with which all groups are scaled, and the modulus of their
 /// numerators' distances from it. Both are primes, so that the scales of different groups are
 /// unrelated fractions; the scales differ from 1 by at most 5 percent.
@@ -319,8 +431,8 @@ struct ScaledSamples {
 }
 
 impl ScaledSamples {
-    fn new(spec: &Spec, rank: usize, seed: u64) -> ScaledSamples {
-        let mut groups = groups(spec);
+    fn new(spec: &Spec, angles: &BTreeSet<String>, rank: usize, seed: u64) -> ScaledSamples {
+        let mut groups = groups(spec, angles);
         let scale = Number::ratio(33, 32).unwrap_or_else(Number::one);
         let sample_with_same_rank = |scales: &[(&Group, Number)]| {
             sample(spec, scales, seed).filter(|s| s.certificate().rank == rank)
@@ -329,11 +441,21 @@ impl ScaledSamples {
             .iter()
             .map(|group| sample_with_same_rank(&[(group, scale.clone())]))
             .collect();
-        let mut unvaried_names = fixed_angles(spec);
-        // lengths that cannot be changed alone may still be scaled together
-        let not_scalable_alone: Vec<usize> = (0..groups.len())
-            .filter(|&k| one_scaled[k].is_none())
+        let mut unvaried_names = fixed_angles(spec, angles);
+        let not_scalable = |is_angle: bool| -> Vec<usize> {
+            (0..groups.len())
+                .filter(|&k| one_scaled[k].is_none() && groups[k].is_angle == is_angle)
+                .collect()
+        };
+        let held: Vec<&str> = not_scalable(true)
+            .iter()
+            .flat_map(|&k| groups[k].members())
             .collect();
+        if !held.is_empty() {
+            unvaried_names.push(as_given(&held));
+        }
+        // lengths that cannot be changed alone may still be scaled together
+        let not_scalable_alone = not_scalable(false);
         let merged = Group::merged(not_scalable_alone.iter().map(|&k| &groups[k]));
         let scaled_as_one = merged
             .and_then(|group| Some((sample_with_same_rank(&[(&group, scale.clone())])?, group)));
@@ -353,10 +475,7 @@ impl ScaledSamples {
             groups.push(group);
             one_scaled.push(Some(samples));
         } else if !names.is_empty() {
-            unvaried_names.push(format!(
-                "{} as given only: with other values the loops do not close, or the rank is another",
-                names.join(", ")
-            ));
+            unvaried_names.push(as_given(&names));
         }
         let mut all_scaled: Vec<(Vec<Number>, Rc<Samples>)> = Vec::new();
         for step in SCALE_SHIFT_STEPS {

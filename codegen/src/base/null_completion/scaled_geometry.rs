@@ -2,6 +2,10 @@
 //! preserved: names of equal magnitude are scaled together, and names defined by others follow
 //! these.
 
+use std::collections::BTreeSet;
+
+use dashu_ratio::RBig;
+
 use crate::base::certificate::{Samples, certify};
 use crate::base::geometry::mentions_names;
 use crate::constraints::{NumericLoops, close_home, world_equations};
@@ -17,8 +21,14 @@ pub(super) struct Group {
     pub(super) name: String,
     /// The value of this name.
     pub(super) value: Number,
+    /// Whether it is an angle, whose sine and cosine occur in factors.
+    pub(super) is_angle: bool,
     members: Vec<String>,
 }
+
+/// The powers with which a group occurs in a product: of its name; of an angle, of its cosine and its
+/// sine.
+pub(super) type Powers = [i64; 2];
 
 impl Group {
     /// The union of several groups, to be scaled in proportion; `None` for fewer than two groups.
@@ -31,6 +41,24 @@ impl Group {
         (merged.members.len() > first).then_some(merged)
     }
 
+    /// The product of the group's powers, with its name scaled if a scale is given.
+    pub(super) fn product(&self, scale: Option<&Number>, powers: Powers) -> Option<Number> {
+        let value = scale.map_or_else(|| self.value.clone(), |s| self.value.mul(s));
+        if !self.is_angle {
+            return value.powi(powers[0]);
+        }
+        let (sin, cos) = value.sin_cos();
+        Some(cos.powi(powers[0])?.mul(&sin.powi(powers[1])?))
+    }
+
+    /// One name of the group alone.
+    pub(super) fn only(&self, name: &str) -> Group {
+        Group {
+            members: vec![name.to_owned()],
+            ..self.clone()
+        }
+    }
+
     /// The names of the group.
     pub(super) fn members(&self) -> impl Iterator<Item = &str> {
         self.members.iter().map(String::as_str)
@@ -38,36 +66,56 @@ impl Group {
 }
 
 /// A note on the angles whose values are not varied; empty if there are none.
-pub(super) fn fixed_angles(spec: &Spec) -> Vec<String> {
-    let names = spec.geometry.iter().filter(|(_, quantity)| {
-        let value = &quantity.value;
-        !value.is_zero() && value.pi_multiple().is_some() && !mentions_names(&quantity.expr)
-    });
-    let names: Vec<&str> = names.map(|(name, _)| name.value.as_str()).collect();
-    if names.is_empty() {
-        return Vec::new();
-    }
-    vec![format!(
-        "{} as given only: their sines are exact since they are fractions of pi, those of other angles are not",
+pub(super) fn fixed_angles(spec: &Spec, angles: &BTreeSet<String>) -> Vec<String> {
+    let held = |is_angle: bool| {
+        let names = spec.geometry.iter().filter(|(name, quantity)| {
+            !quantity.value.is_zero()
+                && !mentions_names(&quantity.expr)
+                && angles.contains(&name.value) == is_angle
+                && is_fixed(&quantity.value, is_angle)
+        });
+        let names: Vec<&str> = names.map(|(name, _)| name.value.as_str()).collect();
         names.join(", ")
-    )]
+    };
+    let (right, others) = (held(true), held(false));
+    let mut notes = Vec::new();
+    if !right.is_empty() {
+        notes.push(format!("{right} as given only: right angles are special"));
+    }
+    if !others.is_empty() {
+        notes.push(format!(
+            "{others} as given only: their sines are exact since they are fractions of pi, those of other angles are not"
+        ));
+    }
+    notes
 }
 
-/// The groups of a spec's geometry names. Angles that are fractions of pi are not varied, since
-/// other angles have no exact sines.
-pub(super) fn groups(spec: &Spec) -> Vec<Group> {
+/// Whether a value is not varied: a fraction of pi, of an angle a multiple of pi/2.
+fn is_fixed(value: &Number, is_angle: bool) -> bool {
+    let Some(multiple) = value.pi_multiple() else {
+        return false;
+    };
+    !is_angle || (multiple * RBig::from(2)).is_int()
+}
+
+/// The groups of a spec's geometry names. A multiple of pi is varied only if it is an angle, and no
+/// right angle: the loops might not close with another one.
+pub(super) fn groups(spec: &Spec, angles: &BTreeSet<String>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (name, quantity) in &spec.geometry {
         let value = &quantity.value;
-        if mentions_names(&quantity.expr) || value.is_zero() || value.pi_multiple().is_some() {
+        let is_angle = angles.contains(&name.value);
+        if mentions_names(&quantity.expr) || value.is_zero() || is_fixed(value, is_angle) {
             continue;
         }
         let size = value.abs();
-        match groups.iter_mut().find(|g| g.value.abs() == size) {
+        let mut known = groups.iter_mut();
+        match known.find(|g| g.value.abs() == size && g.is_angle == is_angle) {
             Some(group) => group.members.push(name.value.clone()),
             None => groups.push(Group {
                 name: name.value.clone(),
                 value: value.clone(),
+                is_angle,
                 members: vec![name.value.clone()],
             }),
         }
@@ -78,8 +126,12 @@ pub(super) fn groups(spec: &Spec) -> Vec<Group> {
 /// Samples the mechanism with each group scaled by a factor; `None` if it does not close or if its
 /// rank is uncertain.
 pub(super) fn sample(spec: &Spec, scales: &[(&Group, Number)], seed: u64) -> Option<Samples> {
-    let spec = scaled(spec, scales)?;
-    let model = model::build(&spec);
+    sample_of(&scaled(spec, scales)?, seed)
+}
+
+/// Samples a mechanism; `None` if it does not close or if its rank is uncertain.
+pub(super) fn sample_of(spec: &Spec, seed: u64) -> Option<Samples> {
+    let model = model::build(spec);
     let home = home(&model)?;
     let samples = certify(&model, &home, seed).ok()?;
     samples.certificate().is_certain().then_some(samples)
@@ -99,7 +151,7 @@ fn home(model: &Model) -> Option<Vec<f64>> {
 }
 
 /// The spec with the groups scaled and all quantities evaluated anew.
-fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
+pub(super) fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
     let mut spec = spec.clone();
     let mut names: Vec<(String, Number)> = Vec::new();
     for (name, quantity) in &mut spec.geometry {
@@ -161,6 +213,7 @@ mod tests {
         let group = |name: &str| Group {
             name: name.to_owned(),
             value: Number::one(),
+            is_angle: false,
             members: vec![name.to_owned(), format!("{name}_again")],
         };
         let all = [group("a"), group("b"), group("c")];
