@@ -11,6 +11,7 @@ use regen_identify::session::{
 };
 use regen_identify::signals::Method;
 use regen_identify::status::EffortContributions;
+use regen_identify::text::figure_of;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{
     self, Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
@@ -362,6 +363,18 @@ fn models(
     if more || !args.physical.against.is_empty() {
         let logs = (args.logs.as_slice(), args.physical.against.as_slice());
         let errors = session::compare(session, Some(start), logs, &found)?;
+        for log in errors.first().into_iter().flatten() {
+            // the same file is told before anything is read
+            let is_named = args.logs.iter().any(|run| run.to_string() == log.log);
+            if let Some((known, part)) = log.repeats.as_ref().filter(|_| !is_named) {
+                terminal::note(&format!(
+                    "warning: {}: {} % of its rows are rows of {known}, which is identified from: its error with \
+                     --against validates nothing",
+                    log.log,
+                    figure_of(3, 100.0 * part)
+                ));
+            }
+        }
         summary.models = found
             .iter()
             .zip(errors)
@@ -416,7 +429,20 @@ fn factors(
     let mut sets = Vec::with_capacity(args.from.len());
     for path in &args.from {
         let set = FactorSet::from_text(&load::text(path)?);
-        sets.push(set.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?);
+        let set = set.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
+        let known = args.from.iter().zip(&sets);
+        if let Some((other, _)) = known
+            .into_iter()
+            .find(|(_, known)| set.is_of_logs_of(known))
+        {
+            terminal::note(&format!(
+                "warning: {}: it has the equations of {} again: as they count twice, deviations are too small; leave \
+                 one of them out",
+                path.display(),
+                other.display()
+            ));
+        }
+        sets.push(set);
     }
     let start = from_factors(session, sets).map_err(|error| match &error {
         SessionError::Digest { place, .. } | SessionError::Origin { place, .. } => {

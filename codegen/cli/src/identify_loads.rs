@@ -296,6 +296,7 @@ fn errors(
         logs.push(LogError {
             log: run.to_string(),
             relative_absolute: errors.relative_absolute(),
+            repeats: None,
         });
     }
     Ok(logs)

@@ -263,6 +263,13 @@ fn rows_that_two_logs_share_are_told() {
     let run = identify(&dir, &log.text(), &["copy.csv"]).ended(0);
     let told = "copy.csv: 100 % of its rows are rows of log.csv too";
     assert!(run.err.contains(told), "{}", run.err);
+    let run = identify(&dir, &log.text(), &["--against", "copy.csv"]).ended(0);
+    let told = "copy.csv: 100 % of its rows are rows of log.csv, which is identified from";
+    assert!(run.err.contains(told), "{}", run.err);
+    let other = root().join("runtime/guide/fivebar/run2.csv");
+    let other = ["--against", other.to_str().unwrap()];
+    let run = identify(&dir, &log.text(), &other).ended(0);
+    assert!(!run.err.contains("of its rows"), "{}", run.err);
 }
 
 #[test]
