@@ -37,7 +37,7 @@ enum Form {
     /// The element equals its value. Most elements are constants.
     Constant,
     Expression(Arc<Ratio>),
-    /// The expression was dropped, since it grew too long to be read.
+    /// The expression was dropped, since it grew too long to be read, or is not known.
     TooLong,
 }
 
@@ -74,6 +74,12 @@ impl Element {
             value,
             form: Form::Constant,
         }
+    }
+
+    /// A value that depends on the names of the geometry in a way that is not known. No formula is made with it: one in
+    /// these names would be wrong for other values of them.
+    pub fn at_this_geometry(value: Number) -> Self {
+        Self::new(value, None)
     }
 
     fn new(value: Number, expression: Option<Ratio>) -> Self {
