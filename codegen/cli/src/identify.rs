@@ -569,7 +569,6 @@ fn logs(
         // no filter takes noise out of the equations of a series
         errors = errors.iter().map(EffortError::of_means).collect();
     }
-    note_unexplained(model, &errors);
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::settings(&args.reading).delays;
     summary.suspicions = suspect::warn(
@@ -578,6 +577,7 @@ fn logs(
         logs.logs(),
         Some(&start.estimate_for_intervals),
     );
+    note_unexplained(model, &errors, !summary.suspicions.is_empty());
     if args.cross {
         summary.cross = session::cross(session, &args.logs)?;
     }
@@ -585,10 +585,12 @@ fn logs(
 }
 
 /// Warns of efforts that the model hardly explains.
-pub(crate) fn note_unexplained(model: &Interpreted<'_>, errors: &[EffortError]) {
+///
+/// - `has_remedy`: whether what may help was tried and is told.
+pub(crate) fn note_unexplained(model: &Interpreted<'_>, errors: &[EffortError], has_remedy: bool) {
     let mut joints = model.info().joints.iter();
     let has_friction = joints.any(|joint| joint.friction != Friction::None);
-    if let Some(text) = results::unexplained(errors, has_friction) {
+    if let Some(text) = results::unexplained(errors, has_friction, has_remedy) {
         terminal::note(&text);
     }
 }

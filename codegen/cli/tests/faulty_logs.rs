@@ -154,6 +154,22 @@ fn runs_of_outliers_are_found_with_their_rows() {
             );
             let _ = identify(&dir, &faulty.text(), &["--problems", "drop"]).ended(0);
         }
+        // a burst in which some rows are off by their effort only
+        let inside = |k: usize| (place..place + 6).contains(&k);
+        let is_right = |k: usize| [1, 4].contains(&(k - place));
+        let faulty = log.each("q1", |k, x| {
+            x + if inside(k) && !is_right(k) { 0.5 } else { 0.0 }
+        });
+        let jump = |k: usize| if k % 2 == 0 { 40.0 } else { -40.0 };
+        let faulty = faulty.each("tau_q1", |k, x| if inside(k) { x + jump(k) } else { x });
+        let run = identify(&dir, &faulty.text(), &["--problems", "fail"]);
+        assert_eq!(run.code, 3, "{}", run.err);
+        assert!(run.err.contains("6 rows cannot be used"), "{}", run.err);
+        assert!(
+            run.err.contains("in column `tau_q1` is an outlier"),
+            "{}",
+            run.err
+        );
     }
 }
 
@@ -474,6 +490,8 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
         for word in columns {
             assert!(warning.contains(word), "{columns:?}\n{}", run.err);
         }
+        // what was not tried is not listed beside what was
+        assert!(!run.err.contains("look at the columns"), "{}", run.err);
         // read with the suggested options, the log is as good as the unchanged one
         let (_, remedy) = warning.split_once("read it with ").unwrap();
         let options: Vec<&str> = remedy.split(' ').map(|x| x.trim_matches('\'')).collect();
