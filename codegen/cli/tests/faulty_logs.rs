@@ -160,7 +160,7 @@ fn runs_of_outliers_are_found_with_their_rows() {
         let faulty = log.each("q1", |k, x| {
             x + if inside(k) && !is_right(k) { 0.5 } else { 0.0 }
         });
-        let jump = |k: usize| if k % 2 == 0 { 40.0 } else { -40.0 };
+        let jump = |k: usize| [40.0, -40.0][k % 2];
         let faulty = faulty.each("tau_q1", |k, x| if inside(k) { x + jump(k) } else { x });
         let run = identify(&dir, &faulty.text(), &["--problems", "fail"]);
         assert_eq!(run.code, 3, "{}", run.err);

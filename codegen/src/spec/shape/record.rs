@@ -50,12 +50,12 @@ impl Layout {
             ),
             ("harmonics", "a trajectory (`regen excite`)"),
         ];
-        let kinds = KINDS.iter().filter(|_| self.noun == "robot");
+        let mut kinds = KINDS.iter().filter(|_| self.noun == "robot");
         let of_kind = |(word, what): &(&str, &'static str)| {
             let (key, _) = entries.iter().find(|(key, _)| key.text == *word)?;
             Some((key, *what))
         };
-        kinds.filter_map(of_kind).next()
+        kinds.find_map(of_kind)
     }
 
     fn expected(&self) -> String {
