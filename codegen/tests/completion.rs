@@ -277,6 +277,53 @@ fn factors_that_are_right_only_at_the_given_values_are_marked() {
     assert!(delta.base.null.iter().all(|row| everywhere(row.exactness)));
 }
 
+/// A four-bar in a tilted plane on a turntable: a factor is the sine of a tilt times a ratio of lengths, which is not
+/// recognised.
+#[test]
+fn no_formula_in_names_is_made_with_a_number_known_by_its_digits() {
+    let text = "name: tilted
+geometry: {e: 0.45, r: 0.22, s: 0.41, u: 0.33, twist: 0.7, tilt: 0.28}
+limbs:
+  - name: table
+    joints: [{name: z, type: revolute, body: table, actuated: true}]
+  - name: left
+    from: table
+    base: {xyz: [0.12, 0.04, 0.1], rpy: [pi/2 - tilt, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: crank, actuated: true}
+      - {name: q2, type: revolute, dh: {a: r}, body: coupler}
+      - {name: q4, type: revolute, dh: {alpha: twist, a: s/2, d: 0.05}, body: tool, actuated: true}
+  - name: right
+    from: table
+    base: {xyz: [0.12 + e, 0.04, 0.1], rpy: [pi/2 - tilt, 0, 0]}
+    joints: [{name: q3, type: revolute, body: rocker}]
+cuts:
+  - {name: k, joint: revolute, between: [{body: coupler, xyz: [s, 0, 0]}, {body: rocker, xyz: [u, 0, 0]}]}
+home: {q1: 1.0, q2: -0.7, q3: 1.5}
+";
+    let (model, _, analysis) = analysed(text);
+    let table = table(&model, &analysis);
+    assert!(
+        analysis.complete && !analysis.base.unrecognised.is_empty(),
+        "{table}"
+    );
+    let rows = analysis.base.parameters.iter();
+    let rows = rows.filter(|row| row.exactness == Exactness::Numeric);
+    let terms: Vec<String> = rows
+        .flat_map(|row| &row.terms)
+        .map(|term| term.coefficient.to_string())
+        .collect();
+    let numbers = |text: &str| {
+        let words = text.split(|c: char| !c.is_ascii_digit() && c != '.');
+        words.map(str::len).max().unwrap_or(0)
+    };
+    let is_of_digits = |text: &&String| numbers(text) > 12;
+    assert!(terms.iter().any(|own| is_of_digits(&own)), "{table}");
+    for own in terms.iter().filter(is_of_digits) {
+        assert!(own.parse::<f64>().is_ok(), "{own}");
+    }
+}
+
 /// The rocker's frame is rotated by 0.3 rad, whose sine has no short expression.
 #[test]
 fn a_factor_without_a_short_expression_is_a_number_and_is_marked() {

@@ -8,6 +8,7 @@ use std::process::{Command, Output};
 use regen_codegen::diag::Source;
 use regen_codegen::emit::c;
 use regen_codegen::pipeline::derive;
+use regen_codegen::robot::Robot;
 use regen_generated::fivebar::{self, Fivebar};
 use regen_identify::files::{c_constants, python_constants, rust_constants};
 use regen_identify::identify::digest;
@@ -36,12 +37,18 @@ fn model() -> &'static dyn BaseModel<f64> {
     &Fivebar
 }
 
+/// The five-bar with rods of this length.
+fn robot(rods: &str) -> Robot {
+    let text = std::fs::read_to_string(files::robots().join("fivebar.yaml")).unwrap();
+    let text = text.replace("l2: 0.40", rods);
+    assert!(text.contains(rods));
+    derive(&Source::new("fivebar.yaml", &text)).unwrap()
+}
+
 /// Writes the robot's files, its constants and the blocks of the pages, which begin with the names of
 /// their files; returns these names.
 fn write_files(folder: &Path) -> Vec<String> {
-    let text = std::fs::read_to_string(files::robots().join("fivebar.yaml")).unwrap();
-    let robot = derive(&Source::new("fivebar.yaml", &text)).unwrap();
-    let own = c::files(&robot);
+    let own = c::files(&robot("l2: 0.40"));
     let constants = c_constants(model(), &identified(), &own.name).unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
     write("fivebar.h", &own.header);
@@ -117,8 +124,8 @@ fn the_guide_s_controllers_compile_and_close_the_loops() {
             ));
         }
     }
-    let main = "#include <stdio.h>\n#include \"fivebar_close.h\"\nint main(void)\n{\n\
-        double q[FIVEBAR_COORDINATE_COUNT], far[2] = { 9, 9 }, q_i[2];\nint status = 0;\n\
+    let main = "#include <stdio.h>\n#include <math.h>\n#include \"fivebar.h\"\nint main(void)\n{\n\
+        double q[FIVEBAR_COORDINATE_COUNT], far[2] = { 2, NAN }, q_i[2];\nint status = 0;\n\
         for (int k = 0; k < FIVEBAR_COORDINATE_COUNT; k++) q[k] = fivebar_home[k];\n\
         for (int k = 0; k < 2; k++) q_i[k] = q[fivebar_independent[k]];\n\
         for (int n = 0; n < 50; n++) { q_i[0] += 0.004; q_i[1] -= 0.003; status |= fivebar_close(q_i, q); }\n\
@@ -147,6 +154,105 @@ fn the_guide_s_controllers_compile_and_close_the_loops() {
     for (found, known) in numbers.zip(known.q) {
         assert!((found - known).abs() < 1e-13, "{found} {known}");
     }
+}
+
+const STATES: i32 = 9;
+
+/// For states up to 1.2 rad from home, whether C closes the loops there in one call from home, and all coordinates
+/// after it.
+fn closed_in_c(folder: &Path, robot: &Robot) -> Vec<(bool, Vec<f64>)> {
+    let own = c::files(robot);
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    write("fivebar.h", &own.header);
+    write("fivebar.c", &own.source);
+    let main = format!(
+        "#include <stdio.h>\n#include <math.h>\n#include \"fivebar.h\"\nint main(void)\n{{\n\
+         for (int i = 0; i < {STATES}; i++) for (int j = 0; j < {STATES}; j++) {{\n\
+         double q[FIVEBAR_COORDINATE_COUNT], q_i[2];\n\
+         for (int k = 0; k < FIVEBAR_COORDINATE_COUNT; k++) q[k] = fivebar_home[k];\n\
+         q_i[0] = q[fivebar_independent[0]] + 0.3 * (i - 4); q_i[1] = q[fivebar_independent[1]] + 0.3 * (j - 4);\n\
+         printf(\"%d\", fivebar_close(q_i, q));\n\
+         for (int k = 0; k < FIVEBAR_COORDINATE_COUNT; k++) printf(\" %.17g\", q[k]);\nprintf(\"\\n\"); }}\n\
+         float q_f[FIVEBAR_COORDINATE_COUNT], q_i_f[2];\n\
+         for (int k = 0; k < FIVEBAR_COORDINATE_COUNT; k++) q_f[k] = (float)fivebar_home[k];\n\
+         q_i_f[0] = NAN; q_i_f[1] = q_f[fivebar_independent[1]];\n\
+         printf(\"%d %d\\n\", fivebar_close_f(q_i_f, q_f), q_f[0] == (float)fivebar_home[0]);\nreturn 0;\n}}\n"
+    );
+    write("main.c", &main);
+    let arguments = ["-std=c99", "-O1", "-o", "far", "main.c", "fivebar.c", "-lm"];
+    assert_success(&compile(folder, "gcc", &arguments));
+    let output = Command::new(folder.join("far")).output().unwrap();
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let mut lines: Vec<&str> = printed.lines().collect();
+    // what is not finite is refused, and changes nothing
+    assert_eq!(lines.pop(), Some("-1 1"));
+    assert_eq!(lines.len(), usize::try_from(STATES * STATES).unwrap());
+    let numbers = |line: &&str| -> (bool, Vec<f64>) {
+        let mut numbers = line.split(' ').map(|x| x.parse::<f64>().unwrap());
+        (numbers.next() == Some(0.0), numbers.collect())
+    };
+    lines.iter().map(numbers).collect()
+}
+
+#[test]
+fn c_closes_the_loops_far_from_home_where_the_runtime_does_and_to_the_same_coordinates() {
+    if !is_installed("gcc") {
+        return;
+    }
+    let found = closed_in_c(&folder("c-far"), &robot("l2: 0.40"));
+    let home = fivebar::HOME;
+    let [a, b] = fivebar::INDEPENDENT;
+    let mut closure = LoopClosure::new(model()).unwrap();
+    for (k, (is_closed, q)) in (0..).zip(found) {
+        let (i, j) = (f64::from(k / STATES - 4), f64::from(k % STATES - 4));
+        let known = closure
+            .solve(&[home[a] + 0.3 * i, home[b] + 0.3 * j])
+            .unwrap();
+        assert_eq!(
+            is_closed,
+            known.outcome.is_closed(),
+            "{i} {j} {:?}",
+            known.outcome
+        );
+        for (found, known) in q.iter().zip(known.q) {
+            assert!((found - known).abs() < 1e-9, "{i} {j} {found} {known}");
+        }
+    }
+}
+
+/// Rods that are too short for the cranks where these point away from each other.
+#[test]
+fn c_refuses_lines_to_states_that_no_rods_reach_and_leaves_the_coordinates() {
+    if !is_installed("gcc") {
+        return;
+    }
+    let short = robot("l2: 0.34");
+    let at = |name: &str| short.coordinates.iter().position(|c| c == name).unwrap();
+    let home = [short.home[at("q1")], short.home[at("q3")]];
+    // the distance between the ends of the cranks
+    let width = |[a, b]: [f64; 2]| {
+        let (x, y) = (0.2 + 0.3 * (b.cos() - a.cos()), 0.3 * (b.sin() - a.sin()));
+        x.hypot(y)
+    };
+    let (mut refused, mut reached) = (0, 0);
+    for (k, (is_closed, q)) in (0..).zip(closed_in_c(&folder("c-short"), &short)) {
+        let far = [
+            0.3 * f64::from(k / STATES - 4),
+            0.3 * f64::from(k % STATES - 4),
+        ];
+        let on_line = |part: f64| width([home[0] + part * far[0], home[1] + part * far[1]]);
+        let widest = (0..=100).map(|k| on_line(f64::from(k) / 100.0));
+        let widest = widest.fold(0.0, f64::max);
+        if widest > 0.68 {
+            assert!(!is_closed, "{far:?}");
+            refused += 1;
+            assert_eq!(q, short.home);
+        } else if widest < 0.67 {
+            assert!(is_closed, "{far:?}");
+            reached += 1;
+        }
+    }
+    assert!(refused > 8 && reached > 8, "{refused} {reached}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use regen_identify::session::{
 };
 use regen_identify::signals::Method;
 use regen_identify::status::EffortContributions;
+use regen_identify::text::figure_of;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{
     self, Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
@@ -374,6 +375,18 @@ fn models(
     if more || !args.physical.against.is_empty() {
         let logs = (args.logs.as_slice(), args.physical.against.as_slice());
         let errors = session::compare(session, Some(start), logs, &found)?;
+        for log in errors.first().into_iter().flatten() {
+            // the same file is told before anything is read
+            let is_named = args.logs.iter().any(|run| run.to_string() == log.log);
+            if let Some((known, part)) = log.repeats.as_ref().filter(|_| !is_named) {
+                terminal::note(&format!(
+                    "warning: {}: {} % of its rows are rows of {known}, which is identified from: its error with \
+                     --against validates nothing",
+                    log.log,
+                    figure_of(3, 100.0 * part)
+                ));
+            }
+        }
         summary.models = found
             .iter()
             .zip(errors)
@@ -428,7 +441,20 @@ fn factors(
     let mut sets = Vec::with_capacity(args.from.len());
     for path in &args.from {
         let set = FactorSet::from_text(&load::text(path)?);
-        sets.push(set.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?);
+        let set = set.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
+        let known = args.from.iter().zip(&sets);
+        if let Some((other, _)) = known
+            .into_iter()
+            .find(|(_, known)| set.is_of_logs_of(known))
+        {
+            terminal::note(&format!(
+                "warning: {}: it has the equations of {} again: as they count twice, deviations are too small; leave \
+                 one of them out",
+                path.display(),
+                other.display()
+            ));
+        }
+        sets.push(set);
     }
     let start = from_factors(session, sets).map_err(|error| match &error {
         SessionError::Digest { place, .. } | SessionError::Origin { place, .. } => {
@@ -555,7 +581,6 @@ fn logs(
         // no filter takes noise out of the equations of a series
         errors = errors.iter().map(EffortError::of_means).collect();
     }
-    note_unexplained(model, &errors);
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::settings(&args.reading).delays;
     summary.suspicions = suspect::warn(
@@ -564,6 +589,7 @@ fn logs(
         logs.logs(),
         Some(&start.estimate_for_intervals),
     );
+    note_unexplained(model, &errors, !summary.suspicions.is_empty());
     if args.cross {
         summary.cross = session::cross(session, &args.logs)?;
     }
@@ -571,10 +597,12 @@ fn logs(
 }
 
 /// Warns of efforts that the model hardly explains.
-pub(crate) fn note_unexplained(model: &Interpreted<'_>, errors: &[EffortError]) {
+///
+/// - `has_remedy`: whether what may help was tried and is told.
+pub(crate) fn note_unexplained(model: &Interpreted<'_>, errors: &[EffortError], has_remedy: bool) {
     let mut joints = model.info().joints.iter();
     let has_friction = joints.any(|joint| joint.friction != Friction::None);
-    if let Some(text) = results::unexplained(errors, has_friction) {
+    if let Some(text) = results::unexplained(errors, has_friction, has_remedy) {
         terminal::note(&text);
     }
 }

@@ -210,11 +210,11 @@ pub(crate) fn solve(
     if let Some(text) = results::too_short(&found.deviations) {
         terminal::note(&text);
     }
-    note_unexplained(session.model, &found.errors);
     let suspicions = doubts(args, session, source, (&runs, found));
     for suspicion in &suspicions {
         terminal::note(&format!("warning: {suspicion}"));
     }
+    note_unexplained(session.model, &found.errors, !suspicions.is_empty());
     if let (true, Some(path)) = (found.is_robot_exact, &args.before.parameters) {
         terminal::note(&format!(
             "note: {} has no covariance, so its parameters count as exact, and deviations are too \
@@ -300,6 +300,7 @@ fn errors(
         logs.push(LogError {
             log: run.to_string(),
             relative_absolute: errors.relative_absolute(),
+            repeats: None,
         });
     }
     Ok(logs)

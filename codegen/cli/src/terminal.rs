@@ -34,6 +34,32 @@ fn colored_note(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
+/// The message of an error: a path or a name of any length may be in it, and a terminal is not to be filled with it.
+fn readable(text: &str) -> String {
+    /// The longest word of a message, in characters; the longest path of most systems.
+    const LONGEST: usize = 4096;
+    /// What is kept of a longer one.
+    const KEPT: usize = 80;
+    let words = text.split_inclusive(char::is_whitespace);
+    let cut = words.map(|word| {
+        if word.len() <= LONGEST {
+            return Cow::Borrowed(word);
+        }
+        let kept: String = word.chars().take(KEPT).collect();
+        let space: String = word
+            .chars()
+            .next_back()
+            .filter(|c| c.is_whitespace())
+            .into_iter()
+            .collect();
+        Cow::Owned(format!(
+            "{kept}... ({} characters){space}",
+            word.chars().count()
+        ))
+    });
+    visible(&cut.collect::<String>()).into_owned()
+}
+
 /// A text whose control characters, but for the ends of lines and tabs, are written as escapes: names of
 /// files may contain them, and a terminal would obey.
 fn visible(text: &str) -> Cow<'_, str> {
@@ -65,9 +91,9 @@ pub(crate) fn complain(failure: &Failure) {
         }
         other if color => colored_note(&format!(
             "\x1b[1;31merror\x1b[0m\x1b[1m:\x1b[0m {}",
-            visible(&other.to_string())
+            readable(&other.to_string())
         )),
-        other => note(&format!("error: {other}")),
+        other => note(&readable(&format!("error: {other}"))),
     }
 }
 
@@ -90,5 +116,17 @@ mod tests {
         );
         assert_eq!(visible("q\u{9b}2J"), "q\\u{9b}2J");
         assert!(matches!(visible("Gelenk äöü 关节\n"), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn a_name_of_any_length_leaves_a_message_short_and_whole_words() {
+        let long = "x".repeat(100_000);
+        let text = readable(&format!("cannot read {long} here\nthere"));
+        assert!(
+            text.len() < 200 && text.ends_with("... (100001 characters) here\nthere"),
+            "{text}"
+        );
+        let usual = format!("cannot read {}: no file\n", "d/".repeat(1000));
+        assert_eq!(readable(&usual), usual);
     }
 }

@@ -182,6 +182,12 @@ fn a_weight_that_an_effort_lacks_is_told_with_the_offset_that_takes_it_up() {
             _ => ["is missing in `tau_q`", "Give `q` `offset: true`"],
         };
         assert!(words.iter().all(|word| told.contains(word)), "{told}");
+        let change = told.split_once("largest error of an effort is ");
+        let change = change.and_then(|(_, rest)| rest.split_once(" % and not "));
+        assert!(
+            change.is_none_or(|(after, rest)| !rest.starts_with(&format!("{after} %"))),
+            "what does not change is no improvement: {told}"
+        );
         fs::write(dir.join("r.yaml"), lift(&format!("{rotor}, offset: true"))).unwrap();
         assert_eq!(doubts(&identify(&dir, &[]).ended(0)), "");
         fs::write(dir.join("r.yaml"), lift(rotor)).unwrap();

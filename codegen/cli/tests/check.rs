@@ -100,6 +100,55 @@ fn a_mechanism_that_does_not_close_is_an_error_of_its_spec() {
 }
 
 #[test]
+fn a_loop_that_closes_almost_is_told_to_have_rounded_lengths() {
+    let dir = scratch("check-rounded");
+    let text = std::fs::read_to_string(root().join("tests/fixtures/base/bennett.yaml")).unwrap();
+    for (b, is_rounded) in [("0.3000002", true), ("0.37", false)] {
+        let off = text.replace("b: 0.3,", &format!("b: {b},"));
+        std::fs::write(dir.join("b.yaml"), &off).unwrap();
+        let run = regen(&dir, &["check", "b.yaml"]).ended(3);
+        let told = run
+            .err
+            .contains("They close almost: where a loop closes for some lengths");
+        assert_eq!(told, is_rounded, "{b} {}", run.err);
+        assert!(!run.err.contains(". ;"), "{}", run.err);
+    }
+}
+
+#[test]
+fn a_file_of_another_kind_is_named_and_nothing_else_is_asked_of_it() {
+    let dir = scratch("check-other-file");
+    let files = [
+        (
+            "runs.yaml",
+            "columns: {q1: a}\nruns: [{files: [a.csv]}]\n",
+            "an experiment file",
+        ),
+        (
+            "f.json",
+            r#"{"format": "regen observation factors", "version": 1, "factors": []}"#,
+            "a file of factors",
+        ),
+        (
+            "p.json",
+            r#"{"version": 1, "robot": "arm", "parameters": []}"#,
+            "a file of parameters",
+        ),
+    ];
+    for (name, text, what) in files {
+        std::fs::write(dir.join(name), text).unwrap();
+        let run = regen(&dir, &["base", name]).ended(3);
+        let told = format!("error: this is {what}");
+        assert!(
+            run.err.contains(&told) && run.err.matches("error:").count() == 1,
+            "{}",
+            run.err
+        );
+        assert!(run.err.contains(&format!("--> {name}:")), "{}", run.err);
+    }
+}
+
+#[test]
 fn a_cut_whose_axes_are_opposite_at_home_is_refused_with_what_turns_them() {
     let dir = scratch("check-opposite-axes");
     let text = std::fs::read_to_string(root().join("robots/fivebar.yaml")).unwrap();

@@ -575,11 +575,16 @@ fn factors_of_logs_give_the_estimate_of_the_logs_with_its_deviations() {
     regen(&dir, &observed).ended(0);
     let from = |files: &[&str]| {
         let words = [&["identify", &spec, "--format", "json", "--from"], files].concat();
-        regen(&dir, &words).ended(0).json()
+        let run = regen(&dir, &words).ended(0);
+        (run.json(), run.err.contains("equations of a.factors again"))
     };
     let direct = rows(&identified(&dir, &[]));
-    let single = rows(&from(&["a.factors"]));
-    let twice = rows(&from(&["a.factors", "a.factors"]));
+    let (single, again) = from(&["a.factors"]);
+    assert!(!again);
+    let single = rows(&single);
+    let (twice, again) = from(&["a.factors", "a.factors"]);
+    assert!(again, "the same equations count twice, which is told");
+    let twice = rows(&twice);
     for ((direct, single), twice) in direct.iter().zip(&single).zip(&twice) {
         let length = direct.2 - direct.1;
         assert!(
@@ -598,7 +603,8 @@ fn factors_of_logs_give_the_estimate_of_the_logs_with_its_deviations() {
     let mut bare: Value = serde_json::from_str(&text).unwrap();
     bare.as_object_mut().unwrap().remove("errors").unwrap();
     fs::write(dir.join("b.factors"), bare.to_string()).unwrap();
-    let mixed = from(&["a.factors", "b.factors"]);
+    let (mixed, again) = from(&["a.factors", "b.factors"]);
+    assert!(again);
     let method = mixed["deviations"].as_str().unwrap();
     assert!(method.contains("white residuals"), "{method}");
 }

@@ -154,6 +154,22 @@ fn runs_of_outliers_are_found_with_their_rows() {
             );
             let _ = identify(&dir, &faulty.text(), &["--problems", "drop"]).ended(0);
         }
+        // a burst in which some rows are off by their effort only
+        let inside = |k: usize| (place..place + 6).contains(&k);
+        let is_right = |k: usize| [1, 4].contains(&(k - place));
+        let faulty = log.each("q1", |k, x| {
+            x + if inside(k) && !is_right(k) { 0.5 } else { 0.0 }
+        });
+        let jump = |k: usize| [40.0, -40.0][k % 2];
+        let faulty = faulty.each("tau_q1", |k, x| if inside(k) { x + jump(k) } else { x });
+        let run = identify(&dir, &faulty.text(), &["--problems", "fail"]);
+        assert_eq!(run.code, 3, "{}", run.err);
+        assert!(run.err.contains("6 rows cannot be used"), "{}", run.err);
+        assert!(
+            run.err.contains("in column `tau_q1` is an outlier"),
+            "{}",
+            run.err
+        );
     }
 }
 
@@ -263,6 +279,13 @@ fn rows_that_two_logs_share_are_told() {
     let run = identify(&dir, &log.text(), &["copy.csv"]).ended(0);
     let told = "copy.csv: 100 % of its rows are rows of log.csv too";
     assert!(run.err.contains(told), "{}", run.err);
+    let run = identify(&dir, &log.text(), &["--against", "copy.csv"]).ended(0);
+    let told = "copy.csv: 100 % of its rows are rows of log.csv, which is identified from";
+    assert!(run.err.contains(told), "{}", run.err);
+    let other = root().join("runtime/guide/fivebar/run2.csv");
+    let other = ["--against", other.to_str().unwrap()];
+    let run = identify(&dir, &log.text(), &other).ended(0);
+    assert!(!run.err.contains("of its rows"), "{}", run.err);
 }
 
 #[test]
@@ -467,6 +490,8 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
         for word in columns {
             assert!(warning.contains(word), "{columns:?}\n{}", run.err);
         }
+        // what was not tried is not listed beside what was
+        assert!(!run.err.contains("look at the columns"), "{}", run.err);
         // read with the suggested options, the log is as good as the unchanged one
         let (_, remedy) = warning.split_once("read it with ").unwrap();
         let options: Vec<&str> = remedy.split(' ').map(|x| x.trim_matches('\'')).collect();

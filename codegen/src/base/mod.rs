@@ -282,10 +282,11 @@ fn derive_with_completion(
                 (Provenance::Completed, *e)
             })
     };
+    // factors of rows that are completed with digits are told apart
     let mut hidden = 0_usize;
-    let mut exactness_of = |element: &Element| {
+    let mut exactness_of = |element: &Element, row: Exactness| {
         if element.hides_names() {
-            hidden += 1;
+            hidden += usize::from(row != Exactness::Numeric);
             Exactness::AtThisGeometry
         } else {
             Exactness::Symbolic
@@ -314,7 +315,7 @@ fn derive_with_completion(
             // short coefficients first; among these, bodies far from the ground first
             terms.sort_by_key(|(column, e)| (e.weight(), usize::MAX - column));
             for (_, element) in &terms {
-                exactness = exactness.max(exactness_of(element));
+                exactness = exactness.max(exactness_of(element, exactness));
             }
             let label = &model.parameters[c].label;
             BaseParameter {

@@ -7,6 +7,8 @@ use crate::spec::Spec;
 
 /// Gaps below this are none, m and rad.
 const TINY: f64 = 1e-6;
+/// Gaps below this are of rounded lengths and angles, m and rad.
+const NEARLY: f64 = 1e-3;
 /// Independent coordinates that differ more from home than this were moved, rad and m.
 const MOVED: f64 = 1e-6;
 
@@ -41,7 +43,13 @@ pub(super) fn not_closed(
             .any(|(x, given)| (x - given).abs() > MOVED)
     });
     let hint = if lines.is_empty() {
-        let mend = gaps.first().map_or("", remedy);
+        let mend = match gaps.first() {
+            Some(gap) if gap.metres.max(gap.radians) > NEARLY => remedy(gap),
+            _ => {
+                "They close almost: where a loop closes for some lengths and angles only, write these as expressions, \
+                 or with more digits"
+            }
+        };
         format!(
             "no closed state was found from many starts, with the values of {independent} as in home. {mend}"
         )

@@ -81,7 +81,43 @@ pub(super) fn closed_states_near(loops: &NumericLoops<'_>, model: &Model) -> Vec
         found.push((distance, q));
     }
     found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-    found.into_iter().map(|(_, q)| q).collect()
+    let balls = balls(model);
+    let mut poses: Vec<Vec<f64>> = Vec::new();
+    for (_, q) in found {
+        if !poses.iter().any(|other| is_same_pose(&q, other, &balls)) {
+            poses.push(q);
+        }
+    }
+    poses
+}
+
+/// The three coordinates of each spherical joint.
+fn balls(model: &Model) -> Vec<[usize; 3]> {
+    let place = |name: &str| model.coordinates.iter().position(|c| c.name == name);
+    let firsts = model.coordinates.iter().enumerate();
+    let balls = firsts.filter_map(|(first, c)| {
+        let joint = c.name.strip_suffix(".1")?;
+        let second = place(&format!("{joint}.2"))?;
+        Some([first, second, place(&format!("{joint}.3"))?])
+    });
+    balls.collect()
+}
+
+/// Whether two states are the same but for whole turns: the angles `(a, b, c)` of a spherical joint turn a body as
+/// `(a + pi, pi - b, c + pi)` do.
+fn is_same_pose(one: &[f64], other: &[f64], balls: &[[usize; 3]]) -> bool {
+    use core::f64::consts::{PI, TAU};
+    let turned = |x: f64, y: f64| (x - y - TAU * libm::round((x - y) / TAU)).abs() < SAME;
+    let is_other_half = |ball: &[usize; 3]| {
+        let [a, b, c] = ball.map(|k| (one[k], other[k]));
+        turned(a.0 + PI, a.1) && turned(PI - b.0, b.1) && turned(c.0 + PI, c.1)
+    };
+    let of_ball = |k: usize| balls.iter().find(|ball| ball.contains(&k));
+    let mut pairs = one.iter().zip(other).enumerate();
+    pairs.all(|(k, (x, y))| match of_ball(k) {
+        Some(ball) => ball.iter().all(|k| turned(one[*k], other[*k])) || is_other_half(ball),
+        None => (x - y).abs() < SAME,
+    })
 }
 
 /// The closed state on the branch that home indicates, if it indicates exactly one: see
@@ -213,6 +249,29 @@ mod tests {
         for home in &found {
             assert!(loops.at(home).0.iter().all(|f| f.abs() < 1e-10));
         }
+        // the angles of a spherical joint give each pose twice
+        let balls = balls(&model);
+        assert_eq!(balls.len(), 1);
+        let second = |home: &[f64]| libm::cos(home[balls[0][1]]);
+        let angles = |home: &[f64]| balls[0].map(|k| home[k]);
+        for (k, home) in found.iter().enumerate() {
+            for other in &found[..k] {
+                assert!(
+                    second(home) * second(other) > 0.0 || !is_same_pose(home, other, &balls),
+                    "{:?} {:?}",
+                    angles(home),
+                    angles(other)
+                );
+            }
+        }
+        let mut again = first.clone();
+        let [a, b, c] = balls[0];
+        again[a] += core::f64::consts::PI;
+        again[b] = core::f64::consts::PI - again[b];
+        again[c] -= core::f64::consts::PI;
+        assert!(is_same_pose(first, &again, &balls));
+        again[c] += 0.1;
+        assert!(!is_same_pose(first, &again, &balls));
     }
 
     #[test]

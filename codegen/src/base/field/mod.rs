@@ -40,7 +40,7 @@ enum Form {
     /// The element equals its value. Most elements are constants.
     Constant,
     Expression(Arc<Ratio>),
-    /// The expression was dropped, since it grew too long to be read.
+    /// The expression was dropped, since it grew too long to be read, or is not known.
     TooLong {
         /// Whether it contained geometry names.
         of_names: bool,
@@ -106,7 +106,8 @@ impl Element {
         }
     }
 
-    /// An element of which the value is known only, though it depends on geometry names.
+    /// An element of which the value is known only, though it depends on geometry names: no formula is made with it,
+    /// which would be wrong for other values of them.
     pub(crate) fn without_form(value: Number) -> Self {
         let form = Form::TooLong { of_names: true };
         Element { value, form }

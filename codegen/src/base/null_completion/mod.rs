@@ -358,7 +358,7 @@ impl Recognised {
                 Factor::Constant(value) => Element::exact(value.clone()),
                 Factor::Digits(value) => {
                     let (negative, magnitude, exponent) = value.binary();
-                    Element::exact(Number::from_binary(negative, magnitude, exponent))
+                    Element::without_form(Number::from_binary(negative, magnitude, exponent))
                 }
             };
             if !element.is_zero() {

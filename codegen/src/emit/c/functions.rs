@@ -10,6 +10,7 @@ use crate::signature::FunctionKind;
 use super::super::body::statements;
 use super::super::elements::preferred_names;
 use super::super::plan::{is_zero, reads_argument};
+use super::close;
 use super::constants;
 use super::statements::{C, Precision};
 use super::support::Helpers;
@@ -86,6 +87,7 @@ impl Functions {
                 out.push('\n');
                 out.push_str(&function.text);
             }
+            out.push_str(&close::definition(robot, names, precision));
             let _ = writeln!(out, "\n#endif /* {guard} */");
         }
         out

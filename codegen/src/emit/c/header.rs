@@ -6,6 +6,7 @@ use crate::digest::digest;
 use crate::robot::{Function, Robot};
 
 use super::super::documentation::{DIGEST, EQUATIONS, base_sizes, operations, sizes};
+use super::close;
 use super::constants;
 use super::functions::{Functions, guard, prototype};
 use super::names::{comment, literal};
@@ -55,6 +56,7 @@ pub(super) fn text(robot: &Robot, names: &Spelling, functions: &Functions) -> St
             let _ = writeln!(out, "#ifndef {guard}\n{prototype};\n#endif");
         }
     }
+    close::declarations(robot, names, functions, &mut out);
     let _ = write!(
         out,
         "\n#ifdef __cplusplus\n}}\n#endif\n\n#endif /* {macros}_H_INCLUDED */\n"

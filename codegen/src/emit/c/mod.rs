@@ -10,6 +10,7 @@
 //! Matrices are flat arrays, as Eigen, LAPACK, ROS and Simulink pass them.
 
 mod angles;
+mod close;
 mod constants;
 mod functions;
 mod header;
@@ -98,6 +99,7 @@ pub fn hides_a_header(robot: &str) -> bool {
 pub fn symbols(robot: &Robot) -> Vec<String> {
     let names = words::Spelling::of(robot);
     functions::symbols(robot, &names)
+        .chain(close::symbols(robot, &names))
         .chain(constants::symbols(robot, &names))
         .collect()
 }

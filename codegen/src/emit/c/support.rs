@@ -94,7 +94,7 @@ impl Helper {
 
 /// A template with names and types: `@name` is a helper, `$NAME` a macro, `REAL` the type, `#` before
 /// digits marks a number of that type, and `RESTRICT` is the header's macro.
-fn spelled(template: &str, prefix: &str, precision: Precision) -> String {
+pub(super) fn spelled(template: &str, prefix: &str, precision: Precision) -> String {
     // before names of the robot are in it, which may contain these words
     let restrict = format!("{}_RESTRICT", prefix.to_ascii_uppercase());
     let template = template

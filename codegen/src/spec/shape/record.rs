@@ -34,6 +34,30 @@ impl Layout {
         self.fields.iter().map(|field| field.key)
     }
 
+    fn knows(&self, key: &Key) -> bool {
+        self.keys().any(|known| known == key.text)
+    }
+
+    /// The first key of a file of another kind that stands in the place of a robot's, and which kind it is.
+    fn other_file<'a>(&self, entries: &'a [(Key, Node)]) -> Option<(&'a Key, &'static str)> {
+        const KINDS: [(&str, &str); 5] = [
+            ("runs", "an experiment file, which names logs"),
+            ("columns", "an experiment file, which names logs"),
+            ("factors", "a file of factors (`regen observe`)"),
+            (
+                "parameters",
+                "a file of parameters (`regen identify --out`)",
+            ),
+            ("harmonics", "a trajectory (`regen excite`)"),
+        ];
+        let mut kinds = KINDS.iter().filter(|_| self.noun == "robot");
+        let of_kind = |(word, what): &(&str, &'static str)| {
+            let (key, _) = entries.iter().find(|(key, _)| key.text == *word)?;
+            Some((key, *what))
+        };
+        kinds.find_map(of_kind)
+    }
+
     fn expected(&self) -> String {
         format!(
             "a {} ({})",
@@ -52,9 +76,22 @@ impl Layout {
             reader.mismatch(&self.expected(), node);
             return None;
         };
+        if let (false, Some((key, what))) = (
+            entries.iter().any(|(key, _)| self.knows(key)),
+            self.other_file(entries),
+        ) {
+            reader.report(
+                Diagnostic::new(
+                    key.span,
+                    format!("this is {what}, and not the description of a robot"),
+                )
+                .hint("the description comes first: `regen identify ROBOT.yaml ...`"),
+            );
+            return None;
+        }
         // merge keys are reported elsewhere
         for (key, _) in entries.iter().filter(|(key, _)| key.text != "<<") {
-            if !self.keys().any(|known| known == key.text) {
+            if !self.knows(key) {
                 reader.report(self.unknown(key));
             }
         }

@@ -47,6 +47,8 @@ pub struct FileReport {
     pub uncut: Option<(f64, f64)>,
     /// An earlier run that has rows of this one too, and the part of this one's rows that it has.
     pub repeats: Option<(String, f64)>,
+    /// Some of its rows, by which those of other runs are known again.
+    pub sketch: Sketch,
     /// The gaps and dropouts that were bridged, and the rows of spikes.
     pub bridged: Bridged,
     /// The efforts, by their columns, that jump in some rows and are back in the next ones, where these rows
@@ -167,7 +169,6 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let policies = settings.policies();
         let names: Vec<String> = info.coordinates.iter().map(|n| (*n).to_owned()).collect();
         let mut room = MAX_NUMBERS;
-        let mut sketches: Vec<Sketch> = Vec::with_capacity(runs.len());
         let mut files = Vec::with_capacity(runs.len());
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
@@ -266,14 +267,10 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let constant = entries.zip(&encoders);
             let constant = constant.filter(|((entry, _), encoder)| encoder.still && read(entry));
             let still = constant.filter_map(|((_, c), _)| info.coordinates.get(*c));
-            let earlier = sketches.iter().zip(&reports);
-            let repeats = earlier.filter_map(|(other, report): (&Sketch, &FileReport)| {
-                Some((report.file.clone(), sketch.part_in(other)?))
-            });
-            let repeats = repeats.max_by(|a, b| a.1.total_cmp(&b.1));
-            sketches.push(sketch);
+            let repeats = repeated(&sketch, &reports);
             reports.push(FileReport {
                 repeats,
+                sketch,
                 still: still.map(|name| (*name).to_owned()).collect(),
                 noisy: Vec::new(),
                 uncut: survey.uncut,
@@ -331,6 +328,21 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
     /// do not close are those of the last pass.
     pub fn reports(&self) -> &[FileReport] {
         &self.reports
+    }
+}
+
+/// The run that has most rows of another one, and the part of that one's rows that it has; `None` if none has many.
+fn repeated(sketch: &Sketch, earlier: &[FileReport]) -> Option<(String, f64)> {
+    let parts = earlier
+        .iter()
+        .filter_map(|own| Some((own.file.clone(), sketch.part_in(&own.sketch)?)));
+    parts.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+impl FileReport {
+    /// The run of some earlier ones that has most rows of this one, and the part of this one's rows that it has.
+    pub fn repeated_of(&self, earlier: &[Self]) -> Option<(String, f64)> {
+        repeated(&self.sketch, earlier)
     }
 }
 

@@ -58,6 +58,7 @@ pub use problem::{DataError, Fault, Problem, Problems};
 pub use raw::{RawLog, RawRow};
 pub use run::{Join, Run};
 pub use settings::Settings;
+pub use sketch::Sketch;
 pub use standstill::{Differences, Encoder, context as rest_context, resting};
 pub use table::{Decimal, Format, Header, Separator};
 pub use tracks::{Track, tracks};

@@ -110,6 +110,8 @@ const STEP_ROWS: usize = 1001;
 const GAP_STEPS: f64 = 1.5;
 /// The same where rows are interpolated onto an even grid, which bridges uneven steps.
 const RESAMPLED_GAP_STEPS: f64 = 3.0;
+/// Rows from one whose position is off to the next of the same burst, at most.
+const MAX_BETWEEN: u64 = 4;
 /// The lowest rate of an even grid over that of the log: below it, what the log has of higher
 /// frequencies would appear at lower ones.
 const MIN_RESAMPLED_RATE: f64 = 0.5;
@@ -235,6 +237,7 @@ impl LogFile {
         let positions = self.layout.positions();
         let mut histories = vec![PositionHistory::default(); positions.len()];
         let mut bursts = vec![BurstFinder::default(); positions.len()];
+        let mut effort_bursts = vec![BurstFinder::default(); self.layout.efforts().len()];
         let mut stale = vec![StaleFinder::default(); self.layout.channels.len()];
         let mut finder = DropoutFinder::default();
         let mut spikes = SpikeFinder::new(self.layout.efforts().len());
@@ -277,6 +280,7 @@ impl LogFile {
                 if self.poses || last_time.is_none_or(|last| time <= last) {
                     histories.iter_mut().for_each(PositionHistory::pause);
                     bursts.iter_mut().for_each(BurstFinder::pause);
+                    effort_bursts.iter_mut().for_each(BurstFinder::pause);
                     finder.pause();
                     spikes.pause();
                     rates.pause();
@@ -293,6 +297,10 @@ impl LogFile {
                     history.push(row.line, *value);
                 }
                 for (burst, value) in bursts.iter_mut().zip(row_positions) {
+                    burst.push(row.line, time, *value);
+                }
+                let efforts = &row.values[self.layout.efforts()];
+                for (burst, value) in effort_bursts.iter_mut().zip(efforts) {
                     burst.push(row.line, time, *value);
                 }
                 if !with_rates.is_empty() {
@@ -369,7 +377,8 @@ impl LogFile {
         });
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());
-        let mut off_rows = BTreeMap::new();
+        let mut off_rows = BTreeMap::<u64, (usize, OffRow)>::new();
+        let mut between = BTreeMap::new();
         let mut jumps = BTreeMap::<u64, Vec<(usize, f64)>>::new();
         for ((history, burst), entry) in histories.into_iter().zip(bursts).zip(positions) {
             let (stretches, changes) = history.finish(entry);
@@ -382,6 +391,20 @@ impl LogFile {
             for stretch in stretches {
                 stuck.entry(stretch.first).or_default().push(stretch);
             }
+        }
+        // an effort may jump where no position does, but not between two rows whose positions are off
+        for (burst, entry) in effort_bursts.into_iter().zip(self.layout.efforts()) {
+            for row in burst.finish(0.0).0 {
+                let around = |range| off_rows.range(range).next().is_some();
+                let within = around(row.line.saturating_sub(MAX_BETWEEN)..row.line)
+                    && around(row.line..row.line.saturating_add(MAX_BETWEEN + 1));
+                if within {
+                    between.insert(row.line, (entry, row));
+                }
+            }
+        }
+        for (line, off) in between {
+            off_rows.entry(line).or_insert(off);
         }
         let mut dropouts = self.dropouts(finder.finish(self.layout.efforts()), &mut stuck);
         let spikes = self.spikes(spikes, &mut dropouts);

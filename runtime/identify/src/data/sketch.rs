@@ -11,8 +11,8 @@ const MIN_PART: f64 = 0.1;
 const MIN_EQUAL: usize = 16;
 
 /// The smallest hashes of a log's rows.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Sketch {
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sketch {
     hashes: BTreeSet<u64>,
     last: u64,
     /// Whether there are rows that are not kept.

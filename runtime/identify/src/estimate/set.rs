@@ -230,6 +230,12 @@ pub struct Origin {
 }
 
 impl FactorSet {
+    /// Whether another set is of the same equations.
+    pub fn is_of_logs_of(&self, other: &Self) -> bool {
+        let is_empty = self.factors.iter().all(|own| own.rows() == 0);
+        !is_empty && self.efforts == other.efforts && self.factors == other.factors
+    }
+
     /// A set without rows.
     pub fn new(origin: &Origin) -> Self {
         Self {

@@ -16,6 +16,9 @@ pub struct LogError {
     pub log: String,
     /// eps_RA in percent (Eq. 33).
     pub relative_absolute: f64,
+    /// A log that was identified from and has rows of this one, which is another one, and the part of its rows.
+    #[serde(skip)]
+    pub repeats: Option<(String, f64)>,
 }
 
 /// Computes eps_RA of each model on each log; returns a list for each model.
@@ -32,13 +35,14 @@ pub fn compare<M: BaseModel<f64> + ?Sized>(
     models: &[IdentifiedModel],
 ) -> Result<Vec<Vec<LogError>>, SessionError> {
     let mut out = vec![Vec::with_capacity(logs.len() + against.len()); models.len()];
-    for run in logs.iter().chain(against) {
+    for (place, run) in logs.iter().chain(against).enumerate() {
         // the equations that are stored are those of all logs together
         let stored = logs.len() == 1 && out.iter().all(Vec::is_empty);
         let mut read = None;
+        let mut repeats = None;
         for (one, row) in models.iter().zip(&mut out) {
-            let start = start.filter(|_| stored);
-            let known = start.and_then(|start| stored_residuals(session, start, one, 1));
+            let known = start.filter(|_| stored);
+            let known = known.and_then(|start| stored_residuals(session, start, one, 1));
             let residuals = if let Some(residuals) = known {
                 residuals?
             } else {
@@ -47,11 +51,17 @@ pub fn compare<M: BaseModel<f64> + ?Sized>(
                     None => observed(session, std::slice::from_ref(run))?,
                 };
                 let (log, means) = read.insert(log);
+                if let (Some(start), [own], true) =
+                    (start, log.logs().reports(), place >= logs.len())
+                {
+                    repeats = own.repeated_of(&start.reports);
+                }
                 one.residuals(session.model, session.kind, log, means, 1)?
             };
             row.push(LogError {
                 log: run.to_string(),
                 relative_absolute: residuals.relative_absolute(),
+                repeats: repeats.clone(),
             });
         }
     }

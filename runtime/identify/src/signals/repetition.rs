@@ -37,9 +37,6 @@ const MIN_OVERLAP: f64 = 0.2;
 /// The least part of the whole variance that the compared parts must have, since rest at the
 /// beginning and at the end is no period.
 const MIN_VARIANCE: f64 = 0.3;
-/// The largest number of points of the trace that are compared.
-const POINTS: usize = 2048;
-
 /// How a motion repeats itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repetition {
@@ -79,12 +76,15 @@ fn variance(values: &[f64]) -> f64 {
 }
 
 impl Repetition {
+    /// The largest number of points of signals that are compared.
+    pub const POINTS: usize = 2048;
+
     /// Finds the common period of signals; `None` if they do not repeat.
     ///
     /// - `times`: of the samples, evenly spaced, s; `signals`: their values, as many each.
     pub fn of_signals(times: &[f64], signals: &[&[f64]]) -> Option<Self> {
         let n = times.len();
-        let every = n.div_ceil(POINTS).max(1);
+        let every = n.div_ceil(Repetition::POINTS).max(1);
         let thin =
             |values: &&[f64]| -> Vec<f64> { values.iter().step_by(every).copied().collect() };
         let thinned: Vec<Vec<f64>> = signals.iter().map(thin).collect();
@@ -327,7 +327,7 @@ fn repeating(log: &Sampled) -> Option<(Range<usize>, f64)> {
     if let Some(frequency) = of_log(log) {
         return Some((0..rows, frequency));
     }
-    let every = rows.div_ceil(POINTS).max(1);
+    let every = rows.div_ceil(Repetition::POINTS).max(1);
     let signals = log.thinned_by(every).signals;
     let points = signals.first()?.len();
     let whole: Vec<f64> = signals.iter().map(|x| variance(x)).collect();

@@ -67,6 +67,7 @@ mod tests {
             let one = |k: u32| LogError {
                 log: format!("runs/log{k}.csv"),
                 relative_absolute: first + f64::from(k),
+                repeats: None,
             };
             (0..6).map(one).collect()
         };

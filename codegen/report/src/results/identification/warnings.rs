@@ -11,7 +11,8 @@ use regen_identify::signals::Smoothing;
 /// another unit or dead, however small the standard deviations of the parameters are. `None` where it
 /// explains all.
 ///
-/// - `has_friction`: whether any joint of the robot has friction.
+/// - `has_friction`: whether any joint of the robot has friction;
+/// - `has_remedy`: whether what may help was tried and is told: what was not tried is not listed then.
 ///
 /// ```
 /// use regen_identify::estimate::EffortError;
@@ -27,16 +28,17 @@ use regen_identify::signals::Smoothing;
 ///     autocorrelation: Vec::new(),
 ///     whiteness_p_value: 0.5,
 /// };
-/// assert_eq!(unexplained(&[good.clone()], false), None);
+/// assert_eq!(unexplained(&[good.clone()], false, false), None);
 /// let dead = EffortError { relative_absolute: f64::INFINITY, relative_rms: 67.0, ..good.clone() };
-/// let text = unexplained(&[dead], true).unwrap_or_default();
+/// let text = unexplained(&[dead], true, false).unwrap_or_default();
 /// assert!(text.contains("q1 (it is the same throughout)"));
 /// let poor = EffortError { relative_rms: 95.0, ..good };
-/// let text = unexplained(&[poor.clone()], false).unwrap_or_default();
+/// let text = unexplained(&[poor.clone()], false, false).unwrap_or_default();
 /// assert!(text.contains("q1 (95 % are left)") && text.contains("`friction: linear`"));
-/// assert!(!unexplained(&[poor], true).unwrap_or_default().contains("`friction: linear`"));
+/// assert!(!unexplained(&[poor.clone()], true, false).unwrap_or_default().contains("`friction: linear`"));
+/// assert!(unexplained(&[poor], false, true).unwrap_or_default().ends_with("until it does"));
 /// ```
-pub fn unexplained(errors: &[EffortError], has_friction: bool) -> Option<String> {
+pub fn unexplained(errors: &[EffortError], has_friction: bool, has_remedy: bool) -> Option<String> {
     let poor = errors.iter().filter(|e| !e.is_explained());
     let names: Vec<String> = poor
         .map(|e| match e.relative_rms {
@@ -53,17 +55,20 @@ pub fn unexplained(errors: &[EffortError], has_friction: bool) -> Option<String>
             _ => format!("{} (it is 0 throughout)", e.name),
         })
         .collect();
-    let friction = if has_friction {
-        ""
-    } else {
-        ". No joint of the spec has friction: drives with gears have `friction: linear` and \
-         `rotor_inertia: true`"
-    };
+    let mut look = "";
+    let mut friction = "";
+    if !has_remedy {
+        look = ": look at the columns, their units, whether the motion is smooth enough \
+                (--butterworth), and how large the noise is (`regen inspect`)";
+        if !has_friction {
+            friction = ". No joint of the spec has friction: drives with gears have `friction: linear` \
+                        and `rotor_inertia: true`";
+        }
+    }
     (!names.is_empty()).then(|| {
         format!(
             "warning: the model does not explain these efforts: {}. Parameters are of little worth until \
-             it does: look at the columns, their units, whether the motion is smooth enough \
-             (--butterworth), and how large the noise is (`regen inspect`){friction}",
+             it does{look}{friction}",
             names.join(", ")
         )
     })

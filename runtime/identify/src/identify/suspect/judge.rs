@@ -111,9 +111,14 @@ impl std::fmt::Display for Suspicion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}: {}", self.file, self.what)?;
         if let (Some(changed), Some(error)) = (self.changed, self.error) {
+            // where what it says is not about the errors of efforts, these are the same
+            let [changed, error] = [changed, error].map(|e| format!("{e:.1}"));
+            if changed == error {
+                return Ok(());
+            }
             write!(
                 f,
-                ": so read, the largest error of an effort is {changed:.1} % and not {error:.1} %"
+                ": so read, the largest error of an effort is {changed} % and not {error} %"
             )
         } else if let Some(changed) = self.changed {
             write!(
