@@ -169,11 +169,15 @@ impl Rates {
             .filter(|k| moves(*k) && correlation(*k, *k) > MIN_CORRELATION)
             .map(|k| (k, self.products[k * m + k] / self.change_squares[k]))
             .collect();
-        // a wrong unit of time changes all velocities alike
-        let all = |size: f64| slopes.iter().all(|(_, slope)| is_near(*slope, size));
-        let of_time = CLOCKS
-            .iter()
-            .find(|(size, _)| slopes.len() > 1 && all(*size));
+        // a wrong unit of time changes all velocities alike, whatever else is wrong with some
+        let best = |k: usize| {
+            let fits = |j: &usize| moves(*j) && correlation(k, *j).abs() > MIN_CORRELATION;
+            let other = (0..m).find(fits).filter(|_| moves(k));
+            let of = if fits(&k) { Some(k) } else { other };
+            of.map(|j| (self.products[k * m + j] / self.change_squares[k]).abs())
+        };
+        let sizes: Vec<f64> = (0..m).filter_map(best).collect();
+        let of_time = clock_of(&sizes);
         if let (Some((_, unit)), false) = (of_time, clock.is_empty()) {
             return Some(Unfit {
                 why: format!(
@@ -265,6 +269,30 @@ impl Rates {
 
 /// Ratios of a velocity to the rate of its position that a wrong unit of time causes.
 const CLOCKS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
+/// The unit of time that most ratios of a velocity to the rate of its position have in common, where none is
+/// right; another unit of all velocities is no reason against it.
+fn clock_of(sizes: &[f64]) -> Option<(f64, &'static str)> {
+    if sizes.len() < 2 || sizes.iter().any(|size| is_near(*size, 1.0)) {
+        return None;
+    }
+    let units = OF_VELOCITIES.iter().chain(&OF_POSITIONS).map(|own| own.0);
+    let with_units = units.flat_map(|unit| CLOCKS.map(|(size, name)| (size * unit, (size, name))));
+    let plain = CLOCKS.map(|own| (own.0, own));
+    let have = |of: f64| sizes.iter().filter(|size| is_near(**size, of)).count();
+    // what is a unit of the velocities alone is one
+    let is_unit = |of: f64| {
+        OF_VELOCITIES
+            .iter()
+            .any(|own| own.0 != 1e3 && is_near(of, own.0))
+    };
+    let mut tried = plain
+        .into_iter()
+        .chain(with_units.filter(|own| !is_unit(own.0)));
+    tried
+        .find(|(of, _)| 2 * have(*of) > sizes.len())
+        .map(|own| own.1)
+}
+
 /// Ratios that a wrong unit of the velocity causes, with the unit in words and for an assignment.
 const OF_VELOCITIES: [(f64, &str, &str); 3] = [
     (57.295_779_513_082_32, "degrees per second", "deg/s"),

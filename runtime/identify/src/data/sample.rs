@@ -41,6 +41,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let mut out = Sample {
             measured: log.file.layout.measured.clone(),
             unmeasured: log.file.layout.unmeasured.clone(),
+            has_rates: log.file.layout.velocities.iter().any(Option::is_some),
             titles: log.file.layout.header.clone(),
             time_column: log.file.layout.time_column().map(str::to_owned),
             held: (log.file.layout.positions().start..)

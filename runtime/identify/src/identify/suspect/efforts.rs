@@ -4,7 +4,7 @@
 use super::grams::{Fit, Grams};
 use super::{
     Change, MAX_EXPLAINED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Reading, facts,
-    implausible_count, judge, quality,
+    implausible_count, judge, quality, worst,
 };
 use regen_runtime::BaseModel;
 
@@ -55,8 +55,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut now = start.clone();
     let mut touched: Vec<usize> = Vec::new();
     for _ in 0..MAX_ROUNDS {
-        let worst = now.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
-        if worst < GOOD_ERROR {
+        if worst(&now.errors) < GOOD_ERROR {
             break;
         }
         let implausible = implausible_count(model, grams, &now);
@@ -103,17 +102,15 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         touched.extend(&candidate.touched);
         (read, offsets, now) = (candidate.read, candidate.offsets, fit);
     }
-    let worst = |fit: &Fit| fit.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
-    if touched.is_empty() || worst(&now) > worst(start) {
+    if touched.is_empty() || worst(&now.errors) > worst(&start.errors) {
         return None;
     }
     let mut change = Change {
         offsets: shifts(count, &offsets, &now, grams),
-        positions: Vec::new(),
         before: start.errors.clone(),
         after: now.errors.clone(),
-        sign: false,
         efforts: read,
+        ..Change::none(count, 0)
     };
     if let Some(flipped) = flip_driving_signs(model, grams, &change.efforts, &offsets, &now) {
         change.efforts = flipped.0;
@@ -375,8 +372,8 @@ fn flip_driving_signs<M: BaseModel<f64> + ?Sized>(
         return None;
     }
     let fit = grams.fit(&flipped, offsets)?;
-    let worst = |fit: &Fit| fit.errors.iter().fold(0.01, |m: f64, e| m.max(*e));
-    let worse = worst(&fit) > MAX_LOSS_OF_SIGNS * worst(now)
+    let most = |fit: &Fit| worst(&fit.errors).max(0.01);
+    let worse = most(&fit) > MAX_LOSS_OF_SIGNS * most(now)
         || quality(&fit.errors) > MAX_LOSS_OF_SIGNS * quality(&now.errors);
     let fewer = implausible_count(model, grams, &fit) < implausible_count(model, grams, now);
     (fewer && !worse && facts::driving(model, grams, &fit).is_empty()).then_some((flipped, fit))
@@ -396,10 +393,9 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
     let (efforts, fit) = flip_driving_signs(model, grams, &Reading::plain(count), &[], now)?;
     Some(Change {
         efforts,
-        positions: Vec::new(),
-        offsets: vec![0.0; count],
         before: now.errors.clone(),
         after: fit.errors,
         sign: true,
+        ..Change::none(count, 0)
     })
 }

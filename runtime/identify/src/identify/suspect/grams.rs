@@ -43,6 +43,8 @@ pub(super) struct Stored {
     pub(super) w: Vec<f64>,
     /// The right-hand sides.
     pub(super) tau: Vec<f64>,
+    /// For each effort, its factor in each equation.
+    pub(super) transfer: Vec<f64>,
 }
 
 impl Stored {
@@ -338,6 +340,7 @@ impl Grams {
                     state: place,
                     w: w.clone(),
                     tau: sides,
+                    transfer: transfer.clone(),
                 });
             }
         }
@@ -671,7 +674,7 @@ impl Grams {
 
 /// Solves with a Gram matrix, given by its lower triangle, by Cholesky's factorisation after
 /// scaling its columns to unit length and adding a ridge.
-fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
+pub(super) fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
     let n = right.len();
     let scale: Vec<f64> = (0..n)
         .map(|k| match gram[k * n + k] {

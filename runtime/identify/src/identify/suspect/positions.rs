@@ -1,10 +1,10 @@
 //! Hypotheses on the columns of positions: with flipped signs, exchanged, in degrees or
 //! millimetres. Each takes a pass over some of the states.
 
-use super::grams::{Grams, MAX_STEPS};
+use super::grams::{Fit, Grams, MAX_STEPS};
 use super::{
     Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_EQUATIONS_PER_PARAMETER,
-    MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, quality,
+    MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, quality, worst,
 };
 use crate::identify::{Completed, Completion};
 use regen_runtime::{BaseModel, Motion};
@@ -16,12 +16,15 @@ const EQUIVALENT_RATIO: f64 = 1.05;
 const MIN_GAIN_OVER_EFFORTS: f64 = 1.5;
 /// The part of the largest error that a change of positions may leave.
 const MAX_LEFT_OF_WORST: f64 = 0.85;
-/// The largest number of positions of which all orders are tried at once.
+/// The largest number of positions of which all orders are tried at once; orders of more are found by exchanges.
 const MAX_ORDERED: usize = 4;
 /// The largest number of changes made one after the other.
 const MAX_ROUNDS: usize = 2;
 /// The smallest number of states for a hypothesis.
 const MIN_STATES: usize = 40;
+
+/// The number of hypotheses that are tried at all states.
+const FINALISTS: usize = 6;
 
 /// The number of states at which measured coordinates beyond need are compared.
 const COMPARED_STATES: usize = 60;
@@ -170,7 +173,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         (MIN_EQUATIONS_PER_PARAMETER * model.base_info().base.len()).div_ceil(info.dof().max(1));
     let states = (3 * sample.whole / all.max(1))
         .clamp(least.max(MIN_STATES), MAX_POSITION_STATES.max(least));
-    let every = sample.states.len() / states.max(1);
+    let every = (sample.states.len() / states.max(1)).max(1);
+    let few = (sample.states.len() / least.max(MIN_STATES)).max(1);
     let present = Grams::of(model, sample, &positions, every);
     let present = present.filter(Grams::closes);
     let start = present.as_ref().and_then(|g| g.fit(&plain, &[]));
@@ -188,11 +192,17 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut best_errors = None;
     for round in 0..MAX_ROUNDS {
         let mut fits: Vec<TriedCandidate> = Vec::new();
-        for (k, candidate) in candidates(model, sample, own, &positions, &read)
-            .into_iter()
-            .enumerate()
-        {
-            step(round * all + k, MAX_ROUNDS * all);
+        let mut tried = candidates(model, sample, own, &positions, &read);
+        let is_unexplained = |fit: &Fit| worst(&fit.errors) > UNEXPLAINED_ERROR;
+        if round == 0 && start.as_ref().is_some_and(is_unexplained) {
+            tried.extend(ordered(model, sample, few, &positions, &read));
+        }
+        let mut count = 0;
+        let tried = promising(model, sample, few, tried, &read, &mut || {
+            count += 1;
+            step(round * all + count, MAX_ROUNDS * all);
+        });
+        for candidate in tried {
             let Some(grams) = Grams::of_hypothesis(model, sample, &candidate.positions, every)
             else {
                 continue;
@@ -241,7 +251,6 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         }
     }
     let after = best_errors?;
-    let worst = |errors: &[f64]| errors.iter().fold(0.0, |m: f64, e| m.max(*e));
     if let Some(start) = &start
         && worst(&after) > MAX_LEFT_OF_WORST * worst(&start.errors)
     {
@@ -270,11 +279,101 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     Some(Change {
         efforts: read,
         positions,
-        offsets: vec![0.0; plain.len()],
         before: start.map(|fit| fit.errors).unwrap_or_default(),
         after,
-        sign: false,
+        ..Change::none(plain.len(), 0)
     })
+}
+
+/// The hypotheses with the smallest product of errors at a few states, in their order.
+fn promising<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    every: usize,
+    tried: Vec<Candidate>,
+    read: &[Reading],
+    step: &mut dyn FnMut(),
+) -> Vec<Candidate> {
+    let mut errors = Vec::with_capacity(tried.len());
+    for candidate in &tried {
+        step();
+        errors.push(error_at(model, sample, every, candidate, read));
+    }
+    let mut sorted = errors.clone();
+    sorted.sort_by(f64::total_cmp);
+    let most = sorted.get(FINALISTS - 1).copied().unwrap_or(f64::INFINITY);
+    let pairs = tried.into_iter().zip(errors);
+    pairs
+        .filter(|(_, error)| error.is_finite() && *error <= most)
+        .map(|(candidate, _)| candidate)
+        .collect()
+}
+
+/// The product of errors of a hypothesis, with its efforts or with these; infinite where it cannot be fitted.
+fn error_at<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    every: usize,
+    candidate: &Candidate,
+    read: &[Reading],
+) -> f64 {
+    let grams = Grams::of_hypothesis(model, sample, &candidate.positions, every);
+    let Some(grams) = grams.filter(Grams::closes) else {
+        return f64::INFINITY;
+    };
+    let error = |efforts: &[Reading]| {
+        let fit = grams.fit(efforts, &[]);
+        fit.map_or(f64::INFINITY, |fit| quality(&fit.errors))
+    };
+    error(&candidate.efforts).min(error(read))
+}
+
+/// The order of many positions that exchanges of two, each of which explains more than the last, lead to; `None`
+/// if that is an exchange of two itself.
+fn ordered<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    every: usize,
+    positions: &[Reading],
+    efforts: &[Reading],
+) -> Option<Candidate> {
+    let count = sample.measured.len();
+    if count <= MAX_ORDERED {
+        return None;
+    }
+    let joints = model.info().joints;
+    let kind = |k: usize| {
+        sample
+            .measured
+            .get(k)
+            .and_then(|c| joints.get(*c))
+            .map(|j| j.motion)
+    };
+    let of = |positions: Vec<Reading>| Candidate {
+        positions,
+        efforts: efforts.to_vec(),
+        touched: 0,
+    };
+    let mut now = of(positions.to_vec());
+    let mut least = error_at(model, sample, every, &now, efforts);
+    for _ in 1..count {
+        let mut best = None;
+        for k in 0..count {
+            for l in (0..k).filter(|l| kind(*l) == kind(k)) {
+                let mut swapped = of(now.positions.clone());
+                swapped.positions.swap(k, l);
+                let error = error_at(model, sample, every, &swapped, efforts);
+                if error < least {
+                    (least, best) = (error, Some(swapped));
+                }
+            }
+        }
+        let Some(best) = best else { break };
+        now = best;
+    }
+    let pairs = now.positions.iter().zip(positions);
+    now.touched = pairs.filter(|(a, b)| a != b).count();
+    (now.touched > 2).then_some(now)
 }
 
 /// Whether the changed positions explain the efforts of their joints: a fit cannot decide between
