@@ -457,12 +457,9 @@ fn unseen(args: &IdentifyArgs, robot: &Robot) -> Vec<String> {
     });
     let labels = found.unwrap_or_default();
     if !labels.is_empty() {
-        let quoted: Vec<String> = labels.iter().map(|label| format!("\"{label}\"")).collect();
         terminal::note(&format!(
-            "note: these parameters act in no equation of the logs and are left out: {}. For `regen validate`, give \
-             the spec `base: {{drop: [{}]}}`",
-            labels.join(", "),
-            quoted.join(", ")
+            "note: these parameters act in no equation of the logs and are left out: {}",
+            labels.join(", ")
         ));
         if args.physical.wanted() {
             terminal::note(
@@ -491,7 +488,9 @@ fn logs(
         // an effort that is not measured has no error to weight its equation by
         let is_unsolved = matches!(
             error,
-            SessionError::Data(DataError::Estimate(EstimateError::NoConvergence))
+            SessionError::Data(DataError::Estimate(
+                EstimateError::NoConvergence | EstimateError::NoEfforts
+            ))
         );
         let is_undetermined = matches!(
             error,

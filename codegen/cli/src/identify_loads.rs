@@ -2,20 +2,24 @@
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_identify::data::Run;
+use regen_identify::data::{Assignment, Quantity, Run};
+use regen_identify::estimate::Estimate;
 use regen_identify::files::{FileError, ParameterFile};
 use regen_identify::gains::{GainError, GainFit, KnownPayload, KnownRobot, Plan};
 use regen_identify::identify::digest;
+use regen_identify::identify::suspect::{Remedy, Suspicion};
 use regen_identify::model::{IdentifiedModel, Provenance};
 use regen_identify::session::{
-    LoadedFits, LogError, Session, loaded_residuals, settled_delays, with_gains,
+    LoadedFits, LogError, Session, from_logs, loaded_residuals, settled_delays, with_gains,
 };
+use regen_identify::text::figure_of;
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_report::results::{self, Identification, LogFile, ModelErrors, Summary, stem};
+use regen_report::results::{self, Identification, LogFile, ModelErrors, Summary, Suspected, stem};
 
 use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, PayloadArg};
 use crate::exit::Failure;
 use crate::identify::{Outcome, note_unexplained};
+use crate::suspect::{self, OtherSpecs};
 use crate::{
     identify_iv, identify_simulated, load, loads, observe, parameters, physical, terminal,
 };
@@ -42,7 +46,6 @@ pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
         (args.cross, "--cross"),
         (args.bandwidth.is_some(), "--bandwidth"),
         (args.reading.energy.is_some(), "--energy"),
-        (args.no_suspicion, "--no-suspicion"),
         (physical.friction, "--friction"),
         (physical.reduce, "--reduce"),
         (!physical.against.is_empty(), "--against"),
@@ -208,6 +211,10 @@ pub(crate) fn solve(
         terminal::note(&text);
     }
     note_unexplained(session.model, &found.errors);
+    let suspicions = doubts(args, session, source, (&runs, found));
+    for suspicion in &suspicions {
+        terminal::note(&format!("warning: {suspicion}"));
+    }
     if let (true, Some(path)) = (found.is_robot_exact, &args.before.parameters) {
         terminal::note(&format!(
             "note: {} has no covariance, so its parameters count as exact, and deviations are too \
@@ -241,6 +248,7 @@ pub(crate) fn solve(
     let mut summary = Summary {
         instruments,
         simulated,
+        suspicions,
         ..Summary::of_gains(found, session.kind.name())
     };
     if let Some(physical) = &fits.physical {
@@ -301,8 +309,7 @@ fn delays(
     source: &Source,
     (runs, found): (&[(Run, Option<usize>)], &GainFit),
 ) -> Result<Vec<(String, f64)>, Failure> {
-    let bare = runs.iter().filter(|(_, carried)| carried.is_none());
-    let bare: Vec<Run> = bare.map(|(run, _)| run.clone()).collect();
+    let bare = without_payload(runs);
     if bare.is_empty() {
         return Err(Failure::Usage(
             "delays are estimated from runs without a payload, but all runs carry one: state the \
@@ -310,19 +317,143 @@ fn delays(
                 .to_owned(),
         ));
     }
-    let has_payloads = load::mechanism(source)?.payloads().next().is_some();
-    let robot = load::loaded_with_base(source, has_payloads.then_some(PayloadArg::None))?;
+    let robot = bare_robot(source)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
+    Ok(settled_delays(
+        &in_newtons(args, session, &model, found),
+        &bare,
+    )?)
+}
+
+/// The runs that carry no payload.
+fn without_payload(runs: &[(Run, Option<usize>)]) -> Vec<Run> {
+    let bare = runs.iter().filter(|(_, carried)| carried.is_none());
+    bare.map(|(run, _)| run.clone()).collect()
+}
+
+/// The robot without its payloads.
+fn bare_robot(source: &Source) -> Result<Robot, Failure> {
+    let has_payloads = load::mechanism(source)?.payloads().next().is_some();
+    load::loaded_with_base(source, has_payloads.then_some(PayloadArg::None))
+}
+
+/// The session that reads currents as efforts, by the gains that were found.
+fn in_newtons<'m>(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+    model: &'m Interpreted<'m>,
+    found: &GainFit,
+) -> Session<'m, Interpreted<'m>> {
     let gains = found.model.gains.iter();
     let gains: Vec<(String, f64)> = gains.map(|g| (g.effort.clone(), g.value)).collect();
-    let in_newtons = Session {
+    Session {
         reading: session.reading.clone().with_gains(&gains),
         options: session.options,
         confidence: args.confidence,
-        ..observe::session(&model, &args.reading)
+        ..observe::session(model, &args.reading)
+    }
+}
+
+/// What to do about gains that contradict the logs or the nominal bodies.
+const GAINS_REMEDY: &str = "The gains follow from the payloads that the runs state and from the gains that are \
+                            given: compare the masses (kg) and centres of mass (m, in the body's frame) of the \
+                            payloads, and which runs carry them";
+
+/// How many times the nominal values parameters may be: nominal bodies are rough.
+const MAX_SCALE: f64 = 5.0;
+/// A parameter that is this many standard deviations from zero is compared with its nominal value.
+const COMPARED_DEVIATIONS: f64 = 5.0;
+/// The least number of parameters that are compared.
+const MIN_COMPARED: usize = 3;
+
+/// By how many times parameters differ from their nominal values, in the middle of them all, where it is more than
+/// nominal bodies differ from real ones, or negative.
+fn scale(model: &Interpreted<'_>, estimate: &Estimate) -> Option<f64> {
+    let info = model.info();
+    let nominal = |label: &str| info.parameter_of(label).and_then(|k| *info.nominal.get(k)?);
+    let base = model.base_info().base.iter();
+    let rows = base.zip(estimate.values.iter().enumerate());
+    let mut ratios: Vec<f64> = rows
+        .filter_map(|(row, (k, value))| {
+            let own = row.terms.iter();
+            let own: Option<f64> = own
+                .map(|term| Some(term.value * nominal(term.parameter)?))
+                .sum();
+            let is_known = value.abs() > COMPARED_DEVIATIONS * estimate.sigma(k);
+            own.filter(|own| is_known && *own != 0.0)
+                .map(|own| value / own)
+        })
+        .filter(|ratio| ratio.is_finite())
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    let middle = *ratios.get(ratios.len() / 2)?;
+    let is_far = !(1.0 / MAX_SCALE..=MAX_SCALE).contains(&middle);
+    (ratios.len() >= MIN_COMPARED && is_far).then_some(middle)
+}
+
+/// The mistakes that the runs without a payload show with the gains that were found: those that are looked for
+/// with known gains.
+fn doubts(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+    source: &Source,
+    (runs, found): (&[(Run, Option<usize>)], &GainFit),
+) -> Vec<Suspected> {
+    let bare = without_payload(runs);
+    if args.no_suspicion || bare.is_empty() || found.model.gains.is_empty() {
+        return Vec::new();
+    }
+    let Ok(robot) = bare_robot(source) else {
+        return Vec::new();
     };
-    Ok(settled_delays(&in_newtons, &bare)?)
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let session = in_newtons(args, session, &model, found);
+    let Ok(mut logs) = session.open(&bare) else {
+        return Vec::new();
+    };
+    let start = from_logs(&session, &mut logs).ok();
+    let scale = start
+        .as_ref()
+        .and_then(|own| scale(&model, &own.estimate_for_intervals));
+    if let (Some(scale), Some(log)) = (scale, logs.logs().reports().first()) {
+        let what = format!(
+            "with these gains the parameters are about {} times those of the nominal bodies",
+            figure_of(2, scale)
+        );
+        return vec![Suspected {
+            found: Suspicion {
+                file: log.file.clone(),
+                what,
+                error: None,
+                changed: None,
+                efforts: Vec::new(),
+                remedy: Remedy::Physical,
+            },
+            remedy: GAINS_REMEDY.to_owned(),
+        }];
+    }
+    let given = &session.reading.columns;
+    let has_payloads = load::mechanism(source).is_ok_and(|own| own.payloads().next().is_some());
+    let spec = OtherSpecs::new(&args.file, has_payloads.then_some(PayloadArg::None));
+    let estimate = start.as_ref().map(|own| &own.estimate_for_intervals);
+    let mut out = suspect::doubts(&model, logs.logs(), given, estimate, &spec);
+    let is_of_gain = |column: &Assignment| {
+        let gains = found.model.gains.iter();
+        matches!(&column.quantity, Quantity::Effort(name) if gains.clone().any(|own| own.effort == *name))
+    };
+    for doubt in &mut out {
+        let concerns_gains = match &doubt.found.remedy {
+            Remedy::Read { columns, .. } => columns.iter().any(is_of_gain),
+            Remedy::Physical => true,
+            _ => false,
+        };
+        if concerns_gains {
+            GAINS_REMEDY.clone_into(&mut doubt.remedy);
+        }
+    }
+    out
 }
 
 impl From<GainError> for Failure {

@@ -25,7 +25,7 @@ use regen_runtime::BaseModel;
 use crate::args::{EstimatorArg, IdentifyArgs};
 use crate::exit::Failure;
 use crate::identify::Outcome;
-use crate::simulate::WHERE;
+use crate::simulate::{WHERE, require_jump, require_width};
 use crate::{observe, parameters, path, table, terminal};
 
 pub(crate) use controllers::stated_gains;
@@ -37,6 +37,9 @@ pub(crate) fn solve(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
 ) -> Result<Outcome, Failure> {
+    // the fit to responses leaves out laws that are not linear
+    require_jump(args.simulated.friction_width, session.model, |_| false)?;
+    require_width(args.simulated.friction_width)?;
     let setups = setups(args, session.model)?;
     let (all, places, reports) = read(args, session)?;
     observe::note_problems(&reports);
@@ -380,7 +383,9 @@ fn of_responses(
     let model = session.model;
     let info = model.info();
     setup.window = args.simulated.window;
-    setup.friction_width = args.simulated.friction_width;
+    if let Some(width) = args.simulated.friction_width {
+        setup.friction_width = width;
+    }
     let runs: Result<Vec<Run>, TrackError> = all
         .iter()
         .map(|track| Run::of_track(track, &info))

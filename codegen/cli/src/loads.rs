@@ -5,13 +5,15 @@ use std::path::Path;
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
 use regen_identify::data::Run;
+use regen_identify::identify::digest;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{MonitoredLogs, Session};
-use regen_interpreted::Interpreted;
+use regen_interpreted::{BaseTerms, Interpreted};
+use serde_json::Value;
 
 use crate::args::{PayloadArg, ReadingArgs};
 use crate::exit::Failure;
-use crate::{load, observe, parameters};
+use crate::{load, observe, parameters, terminal};
 
 /// The labels of a robot's payloads.
 pub(crate) fn bodies(robot: &Robot) -> Vec<String> {
@@ -76,7 +78,35 @@ pub(crate) fn derived_for(
             params.display()
         )));
     }
-    load::loaded_derived(source, reading.payload)
+    let robot = load::loaded_derived(source, reading.payload)?;
+    let missing = missing(&robot, &value);
+    if missing.is_empty() {
+        return Ok(robot);
+    }
+    // `identify` leaves out what acts in no equation of its logs
+    terminal::note(&format!(
+        "note: {} lacks {}, which the prediction leaves out",
+        params.display(),
+        missing.join(", ")
+    ));
+    load::loaded_without(source, reading.payload, &missing)
+}
+
+/// The base parameters that a file of parameters lacks because they were left out; none where it has others than
+/// the robot.
+fn missing(robot: &Robot, file: &Value) -> Vec<String> {
+    let rows = file.get("parameters").and_then(Value::as_array);
+    let rows = rows.into_iter().flatten();
+    let known: Vec<&str> = rows.filter_map(|row| row.get("label")?.as_str()).collect();
+    let terms = BaseTerms::new(robot);
+    let model = Interpreted::with_terms(robot, &terms);
+    let base: Vec<&str> = model.base_info().base.iter().map(|own| own.label).collect();
+    let is_whole = file.get("model").and_then(Value::as_str) == Some(digest(&model).as_str());
+    if is_whole || known.is_empty() || known.iter().any(|label| !base.contains(label)) {
+        return Vec::new();
+    }
+    let missing = base.into_iter().filter(|label| !known.contains(label));
+    missing.map(str::to_owned).collect()
 }
 
 /// Refuses parameters that lack a gain which the logs need.

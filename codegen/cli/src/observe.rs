@@ -212,7 +212,8 @@ pub(crate) fn kind(reading: &ReadingArgs) -> EquationKind {
 }
 
 /// What is done with joints that stand still.
-const LOCK: &str = "joints that never move can be locked, by `regen import --lock` or as `type: fixed` in the spec";
+const LOCK: &str = "joints that never move can be locked, by `regen import --lock` or as `type: fixed` in the spec; \
+                    rows that are separate poses are read with --poses";
 
 /// Adds to the message of an error of too little motion the joints that do not move in any log.
 pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {

@@ -9,7 +9,7 @@ use regen_identify::estimate::EffortError;
 use regen_identify::files::Predictions;
 use regen_identify::identify::{self, LeftOut};
 use regen_identify::session::Choice;
-use regen_report::results::{corrected_delays_text, filter_text, resting, stem};
+use regen_report::results::{corrected_delays_text, error_percent, filter_text, resting, stem};
 use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};
@@ -174,7 +174,7 @@ fn to_text(json: &ValidateJson) -> String {
             .iter()
             .map(|m| {
                 let logs = m.logs.iter().skip(block * BLOCK).take(BLOCK);
-                let figures = logs.map(|l| percent(l.relative_absolute));
+                let figures = logs.map(|l| error_percent(l.relative_absolute));
                 std::iter::once(stem(&m.params)).chain(figures).collect()
             })
             .collect();
@@ -191,8 +191,8 @@ fn to_text(json: &ValidateJson) -> String {
                     vec![
                         e.name.clone(),
                         e.samples.to_string(),
-                        percent(e.relative_absolute),
-                        percent(e.relative_rms),
+                        error_percent(e.relative_absolute),
+                        error_percent(e.relative_rms),
                         table::figure(e.rms),
                         table::figure(e.largest),
                     ]
@@ -203,13 +203,4 @@ fn to_text(json: &ValidateJson) -> String {
         }
     }
     out
-}
-
-/// A percentage; a dash where it is undefined, as of efforts that are zero.
-fn percent(share: f64) -> String {
-    if share.is_finite() {
-        format!("{share:.3}")
-    } else {
-        "-".to_owned()
-    }
 }

@@ -355,7 +355,7 @@ runs: [{files: [log.csv]}]
         assert!((own - value).abs() < 1e-3, "{label}: {own} and not {value}");
     }
     // what is left out is told, and nothing else is wrong
-    let left_out = "left out: Izz(1), mx(1), my(1). For";
+    let left_out = "left out: Izz(1), mx(1), my(1)";
     assert!(run.err.contains(left_out), "{}", run.err);
     assert!(!run.err.contains("warning"), "{}", run.err);
     assert_eq!(run.json()["unmeasured"], serde_json::json!(["j1"]));
@@ -363,7 +363,7 @@ runs: [{files: [log.csv]}]
     assert!(text.contains("the equations of j1 are left out"), "{text}");
     assert!(!text.contains("NaN"), "{text}");
 
-    // the options say the same, and so does the spec that the note proposes
+    // the options say the same, and so does a spec that leaves them out
     let columns = [
         "j1=angle:deg",
         "fx=constant:0",
@@ -378,15 +378,17 @@ runs: [{files: [log.csv]}]
     args.extend(filter);
     args.extend(columns.iter().flat_map(|own| ["--column", own]));
     assert_eq!(labelled(&regen(&dir, &args).ended(0).json()), found);
-    let proposed = run
-        .err
-        .split('`')
-        .find(|part| part.starts_with("base:"))
-        .unwrap();
-    fs::write(dir.join("dropped.yaml"), format!("{SENSOR}{proposed}\n")).unwrap();
+    let dropped = "base: {drop: [\"Izz(1)\", \"mx(1)\", \"my(1)\"]}";
+    fs::write(dir.join("dropped.yaml"), format!("{SENSOR}{dropped}\n")).unwrap();
     args[1] = "dropped.yaml";
     let again = regen(&dir, &args).ended(0);
     assert_eq!((labelled(&again.json()), again.err.as_str()), (found, ""));
+    // predictions leave them out by themselves
+    regen(&dir, &[&read[..], &["--out", "p.json"]].concat()).ended(0);
+    let words = ["validate", "sensor.yaml", "p.json", "runs.yaml"];
+    let predicted = regen(&dir, &words).ended(0);
+    let told = "p.json lacks Izz(1), mx(1), my(1)";
+    assert!(predicted.err.contains(told), "{}", predicted.err);
     // other estimators leave the same out
     for more in [
         &["--iv"][..],
@@ -498,12 +500,35 @@ fn gravity_is_identified_from_poses_at_rest_by_an_option_or_a_key() {
     }
     // neither a clock, nor a joint without motion, nor repeated rows are doubted
     assert!(!run.err.contains("warning"), "{}", run.err);
-    assert!(run.err.contains("Fc(q2). For"), "{}", run.err);
+    assert!(
+        run.err.contains("left out: ") && run.err.contains("Fc(q2)"),
+        "{}",
+        run.err
+    );
     let runs = "process: {motion: poses}\nruns: [{files: [poses.csv]}]\n";
     fs::write(dir.join("runs.yaml"), runs).unwrap();
     let by_key = ["identify", "arm.yaml", "runs.yaml"];
     let by_key = regen(&dir, &[&by_key[..], &json].concat()).ended(0);
     assert_eq!(labelled(&by_key.json()), found);
+
+    // what was left out is left out of predictions too
+    regen(&dir, &[&option[..], &["--out", "p.json"]].concat()).ended(0);
+    let words = ["validate", "arm.yaml", "p.json", "poses.csv", "--poses"];
+    let run = regen(&dir, &[&words[..], &json].concat()).ended(0);
+    assert!(run.err.contains("p.json lacks Izz(1), "), "{}", run.err);
+    let error = &run.json()["models"][0]["logs"][0]["relative_absolute"];
+    assert!(error.as_f64().unwrap() < 1.0, "{error}");
+
+    // poses have no frequencies: the noise is what their equations leave
+    let words = ["inspect", "poses.csv", "--poses", "--spec", "arm.yaml"];
+    let run = regen(&dir, &[&words[..], &json].concat()).ended(0);
+    let json_of = run.json();
+    let noise = json_of["prediction"]["noise"].as_array().unwrap();
+    assert_eq!(noise.len(), 2, "{noise:?}");
+    for own in noise {
+        let sigma = own["sigma"].as_f64().unwrap();
+        assert!((0.003..0.02).contains(&sigma), "{own}");
+    }
 
     // without either the option is proposed, and what needs motion refuses it
     let run = regen(&dir, &option[..3]).ended(3);

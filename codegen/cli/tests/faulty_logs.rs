@@ -593,6 +593,27 @@ fn an_effort_that_is_far_off_in_a_part_of_the_log_is_told_with_a_remedy_that_wor
 }
 
 #[test]
+fn efforts_that_are_the_same_throughout_are_named_and_have_no_error_that_is_printed() {
+    let (dir, log) = bench("constant_efforts");
+    for value in [0.0, 1e-310, 1.25] {
+        let text = log.each("tau_q3", |_, _| value).text();
+        let run = identify(&dir, &text, &[]).ended(0);
+        let told = "column `tau_q3` is the same in all rows";
+        assert!(run.err.contains(told), "{value}: {}", run.err);
+        let row = run.out.lines().find(|line| line.starts_with("  q3 "));
+        let words: Vec<&str> = row.unwrap().split_whitespace().collect();
+        assert_eq!(words[3], "-", "{words:?}");
+    }
+    let text = log
+        .each("tau_q1", |_, _| 0.0)
+        .each("tau_q3", |_, _| 0.0)
+        .text();
+    let run = identify(&dir, &text, &[]).ended(3);
+    assert!(run.err.contains("all efforts are 0"), "{}", run.err);
+    assert!(run.err.contains("`tau_q1`, `tau_q3`"), "{}", run.err);
+}
+
+#[test]
 fn copies_and_columns_that_are_seldom_new_are_named() {
     let (dir, log) = bench("copied_columns");
     let mut copied = log.clone();

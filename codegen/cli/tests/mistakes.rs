@@ -239,6 +239,10 @@ fn options_without_effect_unknown_names_and_units_of_the_wrong_kind_are_refused(
             "--friction-width has no effect",
         ),
         (
+            "simulate fivebar.yaml --friction-width 1e-300 --out x.csv",
+            "--friction-width 1e-300 is below",
+        ),
+        (
             "rehearse fivebar.yaml --estimator ls --huber 2",
             "--huber has no effect",
         ),

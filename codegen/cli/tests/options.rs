@@ -352,6 +352,10 @@ const REFUSED: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "identify viscous.yaml swing.csv --controller gains.yaml --estimator response {}",
+        &["friction-width 0.1"],
+    ),
+    (
         "identify swing.yaml swing.csv --estimator didim --controller gains.yaml {}",
         &[
             "loop-bandwidth 3",
@@ -447,7 +451,14 @@ const REFUSED: &[(&str, &[&str])] = &[
         "simulate fivebar.yaml --out x.csv --no-friction {}",
         &["friction-width 0.1"],
     ),
-    ("simulate one.yaml --out x.csv {}", &["no-friction"]),
+    (
+        "simulate one.yaml --out x.csv {}",
+        &["no-friction", "friction-width 0.1"],
+    ),
+    (
+        "simulate viscous.yaml --out x.csv {}",
+        &["friction-width 0.1"],
+    ),
     (
         "rehearse fivebar.yaml {}",
         &[
@@ -472,7 +483,10 @@ const REFUSED: &[(&str, &[&str])] = &[
         ],
     ),
     ("rehearse fivebar.yaml log.csv {}", &["runs 2"]),
-    ("rehearse one.yaml {}", &["no-friction", "weighting equal"]),
+    (
+        "rehearse one.yaml {}",
+        &["no-friction", "friction-width 0.1", "weighting equal"],
+    ),
     ("rehearse smooth.yaml {}", &["unmodelled stribeck=0.1"]),
     (
         "rehearse fivebar.yaml --no-friction {}",
@@ -559,6 +573,8 @@ fn prepared() -> PathBuf {
             .replace(",\n         nominal: {Fv: 0.3, Fc: 0.2}", ""),
     )
     .unwrap();
+    let viscous = SWING.replace("linear", "viscous").replace(", Fc: 0.2", "");
+    fs::write(dir.join("viscous.yaml"), viscous).unwrap();
     fs::write(dir.join("table.csv"), "alpha,a,theta,d\n0,0,0,0.1\n").unwrap();
     fs::write(dir.join("gains.yaml"), "q1: {kp: 40, kd: 2}\n").unwrap();
     let series = r#"{"format": "regen-trajectory", "robot": "NAME", "coordinates": [COORDINATES],

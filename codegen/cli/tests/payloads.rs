@@ -130,6 +130,28 @@ fn json(dir: &Path, line: &str) -> Value {
     serde_json::from_str(&out).unwrap()
 }
 
+#[test]
+fn gains_from_a_payload_in_another_unit_are_told_by_the_nominal_bodies() {
+    let dir = scratch("payload_grams");
+    arm(&dir);
+    simulated(&dir, 1, "--noise 1e-5,0.01 --seed 3");
+    for (mass, is_told) in [("2.2", false), ("2200", true), ("0.022", true)] {
+        let runs = RUNS.replace("m: 2.2", &format!("m: {mass}"));
+        fs::write(dir.join("runs.yaml"), runs).unwrap();
+        let (_, err) = run(&dir, "identify arm.yaml runs.yaml", 0);
+        assert_eq!(err.contains("compare the masses (kg)"), is_told, "{err}");
+        if is_told {
+            let (_, told) = err.split_once("parameters are about ").expect(&err);
+            let (times, _) = told.split_once(" times").unwrap();
+            let times: f64 = times.parse().unwrap();
+            let stated = mass.parse::<f64>().unwrap() / 2.2;
+            assert!((times / stated - 1.0).abs() < 0.2, "{mass}: {err}");
+        }
+        let (_, err) = run(&dir, "identify arm.yaml runs.yaml --no-suspicion", 0);
+        assert!(!err.contains("compare the masses"), "{mass}: {err}");
+    }
+}
+
 /// The value of an entry, which has a deviation and is within five of them of the truth.
 fn close(row: &Value, truth: f64) -> f64 {
     let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);

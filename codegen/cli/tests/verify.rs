@@ -133,6 +133,52 @@ fn completed_base_parameters_pass() {
 }
 
 /// Axes so nearly parallel that double precision cannot resolve the effect of some parameters.
+/// A parallelogram, whose coupler never turns: its columns are the rounding of the state.
+const PARALLELOGRAM: &str = "\
+name: parallelogram
+limbs:
+  - name: left
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: crank, actuated: true}
+      - {name: q2, type: revolute, dh: {a: 0.25}, body: coupler}
+  - name: right
+    base: {xyz: [0.7, 0, 0], rpy: [pi/2, 0, 0]}
+    joints: [{name: q3, type: revolute, body: rocker}]
+cuts:
+  - {name: pin, joint: revolute, between: [{body: coupler, xyz: [0.7, 0, 0]}, {body: rocker, xyz: [0.25, 0, 0]}]}
+home: {q1: 1.1, q2: -1.1, q3: 1.1}
+";
+
+/// A nut on a screw with a lead of few millimetres lifts a table.
+const SCREW: &str = "\
+name: screw
+limbs:
+  - name: nut
+    joints: [{name: n, type: revolute, body: nut, actuated: true}]
+  - name: table
+    joints: [{name: z, type: prismatic, body: table}]
+cuts:
+  - {name: thread, joint: helical, pitch: LEAD, between: [{body: nut}, {body: table}]}
+";
+
+#[test]
+fn bodies_that_never_turn_and_screws_of_small_leads_pass() {
+    let dir = scratch("verify-degenerate");
+    let of = |lead: &str| SCREW.replace("LEAD", lead);
+    for (name, spec) in [
+        ("parallelogram", PARALLELOGRAM.to_owned()),
+        ("lead of 4 mm", of("0.004")),
+        ("lead of 20 mm", of("0.02")),
+    ] {
+        fs::write(dir.join("robot.yaml"), spec).unwrap();
+        let run = regen(&dir, &["verify", "robot.yaml", "--format", "json"]);
+        assert_eq!(run.code, 0, "{name}: {}", run.err);
+        let base = &run.json()["base"];
+        assert_eq!(base["svd"]["rank"], base["certificate"], "{name}: {base}");
+    }
+}
+
 #[test]
 fn a_rank_that_double_precision_cannot_decide_is_a_doubt_and_no_failure() {
     let dir = scratch("verify-doubt");

@@ -10,6 +10,7 @@ use crate::gather::Errors;
 use crate::identified::Content;
 use crate::mechanics;
 use crate::residuals;
+use crate::results::error_percent;
 use crate::summary;
 use regen_codegen::explain::table::combinations;
 use regen_identify::files::ParameterRow;
@@ -407,7 +408,7 @@ fn validation(report: &Content<'_>) -> String {
                 .to_owned(),
                 escaped(&e.name),
                 e.samples.to_string(),
-                format!("{:.3}", e.relative_absolute),
+                error_percent(e.relative_absolute),
                 four(e.rms),
                 four(e.largest),
             ]

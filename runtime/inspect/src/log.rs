@@ -19,6 +19,8 @@ use crate::words;
 
 /// The least number of rows of a log that is inspected: with fewer, no column's role can be judged.
 const MIN_ROWS: usize = 64;
+/// The least number of poses at rest, of which no motion is told.
+const MIN_POSES: usize = 4;
 /// The largest number of points of a curve in a figure.
 const PICTURE_POINTS: usize = 512;
 /// A column counts as time if at most this part of its rows falls.
@@ -277,13 +279,14 @@ pub fn inspect(
 ) -> Result<LogFacts, DataError> {
     let log = RawLog::open(run, settings)?;
     let mut surveyed = survey(&log)?;
-    if surveyed.rows < MIN_ROWS {
+    let least = if settings.poses { MIN_POSES } else { MIN_ROWS };
+    if surveyed.rows < least {
         let first = surveyed.problems.first();
         let first = first.map_or_else(String::new, |p| format!("; {p}"));
         return Err(DataError::ColumnLayout {
             file: log.name().to_owned(),
             why: format!(
-                "{} of its rows can be read, and {MIN_ROWS} are needed{first}",
+                "{} of its rows can be read, and {least} are needed{first}",
                 surveyed.rows
             ),
         });

@@ -24,6 +24,9 @@ const MAX_STEPS: usize = 1001;
 /// are rounded.
 const MIN_NOISE_PART: f64 = 1e-9;
 
+/// The least number of equations of an effort, beyond its parameters, whose residuals tell its noise.
+const MIN_FREEDOM: usize = 10;
+
 /// The noise of an effort.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EffortNoise {
@@ -232,6 +235,20 @@ fn weight(variance: f64) -> f64 {
     }
 }
 
+/// The variance of what the equations of an effort leave of it; `None` where there are too few to tell.
+fn left_variance(factor: &QrFactor) -> Option<f64> {
+    let acting = factor
+        .column_norms()
+        .iter()
+        .filter(|norm| **norm > 0.0)
+        .count();
+    let freedom = factor
+        .rows()
+        .checked_sub(acting)
+        .filter(|own| *own >= MIN_FREEDOM)?;
+    Some(factor.rss() / freedom as f64)
+}
+
 /// The nominal value of a base parameter.
 fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
     let terms = parameter.terms.iter();
@@ -325,18 +342,24 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         .iter()
         .zip(welches)
         .zip(squares.iter().zip(&ranges))
-        .map(|((c, welch), (squares, [low, high]))| {
+        .enumerate()
+        .map(|(k, ((c, welch), (squares, [low, high])))| {
             let found = welch.finish(1.0 / between).map(|density| density.judge(0));
             let least = MIN_NOISE_PART * (squares / f64::max(count, 1.0)).sqrt();
+            // rows that do not follow each other, as poses at rest, have no frequencies: what their equations leave
+            let own = set.factors().get(k).filter(|_| found.is_none());
+            let left = own.and_then(left_variance);
             let density = found
-                .map_or(0.0, |s| s.floor)
+                .map(|s| s.floor)
+                .or(left.map(|variance| 2.0 * between * variance))
+                .unwrap_or(0.0)
                 .max(2.0 * between * least * least);
             let density = if low < high { density } else { 0.0 };
             EffortNoise {
                 name: info.coordinates.get(*c).map_or("", |n| n).to_owned(),
                 density,
                 sigma: (0.5 * density / between).sqrt(),
-                flat: found.is_some_and(|s| s.flat),
+                flat: left.is_some() || found.is_some_and(|s| s.flat),
             }
         })
         .collect();

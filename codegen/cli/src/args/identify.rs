@@ -218,9 +218,9 @@ pub(crate) struct SimulatedArgs {
     #[arg(long, value_name = "S", default_value_t = 1.0, hide_short_help = true)]
     pub(crate) window: f64,
     /// The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s,
-    /// of joints; of a drive, the velocity at which its joints reach it
-    #[arg(long, value_name = "V", default_value_t = 1e-3, hide_short_help = true)]
-    pub(crate) friction_width: f64,
+    /// of joints; of a drive, the velocity at which its joints reach it [default: 0.001]
+    #[arg(long, value_name = "V", hide_short_help = true)]
+    pub(crate) friction_width: Option<f64>,
     /// Parameters to start from [default: the spec's nominal ones]
     #[arg(long, value_name = "PARAMS", hide_short_help = true)]
     pub(crate) start: Option<PathBuf>,

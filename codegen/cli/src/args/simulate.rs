@@ -102,8 +102,9 @@ pub(crate) struct TwinArgs {
     #[arg(long)]
     pub(crate) no_friction: bool,
     /// The width of the smoothed sign of Coulomb friction, rad/s or m/s
-    #[arg(long, value_name = "V", default_value_t = 1e-3)]
-    pub(crate) friction_width: f64,
+    /// [default: 0.001]
+    #[arg(long, value_name = "V")]
+    pub(crate) friction_width: Option<f64>,
     /// Standard deviations of measured positions (rad or m) and efforts
     #[arg(long, value_name = "Q,TAU", value_parser = two)]
     pub(crate) noise: Option<[f64; 2]>,

@@ -20,7 +20,7 @@ use crate::{load, path, progress, table, terminal, write};
 use regen_interpreted::Interpreted;
 
 pub(crate) use parameters::{Described, WHERE};
-pub(crate) use twin::of as twin;
+pub(crate) use twin::{of as twin, require_jump};
 
 /// The time between samples where none is given, s.
 pub(crate) const STEP: f64 = 0.01;
@@ -209,13 +209,14 @@ pub(crate) fn check(args: &TwinArgs) -> Result<(), Failure> {
         ("--step", args.step),
         ("--duration", args.duration),
         ("--bandwidth", args.bandwidth),
-        ("--friction-width", Some(args.friction_width)),
+        ("--friction-width", args.friction_width),
     ];
     for (name, value) in positive {
         if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
             return Err(Failure::Input(format!("{name} must be above 0")));
         }
     }
+    require_width(args.friction_width)?;
     let at_least_zero = [("--lag", args.lag), ("--settle", args.settle)];
     for (name, value) in at_least_zero {
         if !(value >= 0.0 && value.is_finite()) {
@@ -227,6 +228,20 @@ pub(crate) fn check(args: &TwinArgs) -> Result<(), Failure> {
         return Err(Failure::Input(text.to_owned()));
     }
     Ok(())
+}
+
+/// Below this width, rad/s or m/s, the integration of friction takes minutes for seconds of motion, which differ
+/// from those of a larger width by less than any sensor tells.
+const MIN_FRICTION_WIDTH: f64 = 1e-5;
+
+/// Refuses a width of friction that takes too long.
+pub(crate) fn require_width(width: Option<f64>) -> Result<(), Failure> {
+    match width {
+        Some(width) if width < MIN_FRICTION_WIDTH => Err(Failure::Input(format!(
+            "--friction-width {width:e} is below {MIN_FRICTION_WIDTH}, the least that is simulated"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn misuse(error: &SimulationError) -> Failure {

@@ -1,8 +1,8 @@
 //! The simulated robot that the options describe.
 
 use regen_experiment::simulate::{
-    Log, Sensors, Termination, Twin, TwinError, TwinOptions, USUAL_BANDWIDTH, faster_bandwidths,
-    simulate_with_progress,
+    Log, Sensors, Settings, Termination, Twin, TwinError, TwinOptions, USUAL_BANDWIDTH,
+    faster_bandwidths, simulate_with_progress,
 };
 use regen_experiment::trajectory::FourierReference;
 use regen_interpreted::Interpreted;
@@ -43,6 +43,7 @@ pub(crate) fn of(
         let text = "--no-friction has no effect here: the spec has no friction";
         return Err(Failure::Usage(text.to_owned()));
     }
+    require_jump(args.friction_width, model, |law| !law.is_linear())?;
     let (nominal, fitted) = parameters::read(args, source, model)?;
     let mut attempt = |bandwidth: f64| {
         let options = options(args, bandwidth, step);
@@ -85,6 +86,25 @@ pub(crate) fn of(
     })
 }
 
+/// Refuses `--friction-width` where no joint's friction jumps where its velocity turns round.
+///
+/// - `jumps`: which laws that are not linear jump in the simulation.
+pub(crate) fn require_jump(
+    width: Option<f64>,
+    model: &Interpreted<'_>,
+    jumps: fn(Friction) -> bool,
+) -> Result<(), Failure> {
+    let has_jump = model.info().joints.iter().any(|joint| {
+        let law = joint.friction;
+        !matches!(law, Friction::None | Friction::Viscous) && (law.is_linear() || jumps(law))
+    });
+    if width.is_none() || has_jump {
+        return Ok(());
+    }
+    let text = "--friction-width has no effect here: no joint of the spec has Coulomb friction";
+    Err(Failure::Usage(text.to_owned()))
+}
+
 fn options(args: &TwinArgs, bandwidth: f64, period: f64) -> TwinOptions<'_> {
     let [position_noise, effort_noise] = args.noise.unwrap_or_default();
     let [position_step, effort_step] = args.quantum.unwrap_or_default();
@@ -94,7 +114,9 @@ fn options(args: &TwinArgs, bandwidth: f64, period: f64) -> TwinOptions<'_> {
         period,
         lag: args.lag,
         friction: !args.no_friction,
-        friction_width: args.friction_width,
+        friction_width: args
+            .friction_width
+            .unwrap_or(Settings::default().friction_width),
         sensors: Sensors {
             position_step,
             position_noise,

@@ -33,8 +33,8 @@ pub use explanation::{ExplanationJson, explanation, explanation_text};
 pub use identification::{
     BiasRemedy, EffortSummary, EffortsOfLogs, Identification, Instruments, LogFile, ModelErrors,
     ReductionStep, Rounds, Search, Simulated, Summary, Suspected, coarse_friction,
-    corrected_delays_text, filter_text, identification_text, noisy_accelerations, reduction_steps,
-    resting, states_delays, stem, too_few, too_short, unexplained,
+    corrected_delays_text, error_percent, filter_text, identification_text, noisy_accelerations,
+    reduction_steps, resting, states_delays, stem, too_few, too_short, unexplained,
 };
 pub use info::{Info, info, info_text};
 pub use inspection::{Inspection, inspection_text};

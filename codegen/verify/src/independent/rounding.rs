@@ -106,8 +106,16 @@ pub(crate) fn relative_residual(reference: &Mechanism, q: &[f64]) -> f64 {
 
 /// The robot's reduced regressor, column by column, with the bounds of its errors in `P`.
 pub(crate) fn regressor<P: Precision>(robot: &Robot, state: &State) -> Vec<Rounded<P>> {
-    let exact = |v: &[f64]| -> Vec<Rounded<P>> { v.iter().map(|x| Rounded::exact(*x)).collect() };
-    let (q, qd, qdd) = (exact(&state.q), exact(&state.qd), exact(&state.qdd));
+    regressor_of(robot, state, 0.0)
+}
+
+/// The same for a state that is known to so many roundoffs.
+fn regressor_of<P: Precision>(robot: &Robot, state: &State, roundoffs: f64) -> Vec<Rounded<P>> {
+    let known = |v: &[f64]| -> Vec<Rounded<P>> {
+        let error = roundoffs * P::UNIT * larger(1.0, max_abs(v));
+        v.iter().map(|x| Rounded::within(*x, error)).collect()
+    };
+    let (q, qd, qdd) = (known(&state.q), known(&state.qd), known(&state.qdd));
     robot
         .function(FunctionKind::Regressor)
         .map_or_else(Vec::new, |function| {
@@ -115,10 +123,16 @@ pub(crate) fn regressor<P: Precision>(robot: &Robot, state: &State) -> Vec<Round
         })
 }
 
+/// Roundoffs to which the states of closed loops are known: their closure ends within a few.
+const STATE_ROUNDOFFS: f64 = 32.0;
+
 /// The regressor in double precision, with 0 for entries within their error bounds: columns may
-/// then be scaled up however short they are, as in a spec in millimetres and tonnes.
+/// then be scaled up however short they are, as in a spec in millimetres and tonnes. An entry that is 0 where
+/// the loops close, such as of a body that does not turn, is as large as the error of the state.
 pub(crate) fn certain(robot: &Robot, state: &State) -> Vec<f64> {
-    regressor::<Double>(robot, state)
+    let closes = robot.function(FunctionKind::Constraints).is_some();
+    let roundoffs = if closes { STATE_ROUNDOFFS } else { 0.0 };
+    regressor_of::<Double>(robot, state, roundoffs)
         .iter()
         .map(|x| {
             if x.value.abs() <= x.error {

@@ -44,7 +44,8 @@ pub(crate) const SAMPLING: &str = "; and what sampling leaves unknown of the mot
 /// freedom of Student's distribution; the scores are whitened before ([`Scores`](super::Scores)).
 /// The fit makes residuals smaller than the noise. That loss is corrected, and the degrees of
 /// freedom are computed, as by Bell and McCaffrey (2002): from the values that both have for noise
-/// with the autocorrelation of the residuals.
+/// with the autocorrelation of the residuals. Their covariance is then drawn towards the one of such noise,
+/// see [`root`](Self::root).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Deviations {
     /// The covariance of the n parameters, n x n, symmetric, column-major.
@@ -262,10 +263,10 @@ impl Deviations {
     /// A Cholesky factor L of the covariance, n x n, column-major, for drawing all parameters
     /// together: `L L^T` has full rank.
     ///
-    /// With fewer cosines than parameters the covariance is singular. `L L^T` is therefore a
-    /// weighted mean of it and of the covariance that noise with the autocorrelation of the
-    /// residuals has; the weight is the part of their difference that is due to chance (Ledoit and
-    /// Wolf, 2004).
+    /// With fewer cosines than parameters their covariance is singular, and each variance of it is known
+    /// to a quarter only. `L L^T` is therefore a weighted mean of it and of the covariance that noise with
+    /// the autocorrelation of the residuals has; the weight is the part of their difference that is due
+    /// to chance (Ledoit and Wolf, 2004).
     pub fn root(&self) -> &[f64] {
         &self.root
     }
@@ -495,22 +496,34 @@ impl Blocks {
         let between = self.between(&sum, &transforms, &expected[0], &step);
         let runs = between.map_or(1.0, |own| own.growth * own.growth);
         let growth = runs * growth(bread.rows as f64 * self.independent_part, k, bread.rows);
-        let within_runs = covariance_of(&transforms, &scale);
+        let mut within_runs = covariance_of(&transforms, &scale);
         for (scale, degrees_of_freedom) in scale.iter_mut().zip(&mut degrees_of_freedom) {
             *scale *= growth;
             if growth.is_infinite() {
                 *degrees_of_freedom = 1.0;
             }
         }
-        let covariance = covariance_of(&transforms, &scale);
-        let root = root(&transforms, &scale, &expected[0], k).unwrap_or_else(|| {
+        let mut covariance = covariance_of(&transforms, &scale);
+        let shrunk = shrunk(&transforms, &scale, &expected[0], k);
+        let root = if let Some(mut shrunk) = shrunk {
+            if growth.is_finite() {
+                let independent = bread.rows as f64 * self.independent_part - k as f64;
+                shrunk.keep_what_is_beyond_chance(&covariance, &degrees_of_freedom);
+                for own in &mut degrees_of_freedom {
+                    *own = shrunk.degrees_of_freedom(*own).min(independent).max(*own);
+                }
+                covariance = shrunk.covariance();
+                within_runs = covariance.iter().map(|x| x / growth).collect();
+            }
+            shrunk.root
+        } else {
             // the correlation of the parameters is not known: assume that there is none
             let mut diagonal = vec![0.0; k * k];
             for a in 0..k {
                 diagonal[a * k + a] = covariance[a * k + a].sqrt();
             }
             diagonal
-        });
+        };
         Ok(Deviations {
             covariance,
             degrees_of_freedom,
@@ -652,10 +665,14 @@ impl Sums<'_> {
             block.expected[low * self.n + high]
         });
         let half = product(self.bread, &sum, k);
-        let lines = half.chunks_exact(k.max(1));
-        let pairs =
-            lines.flat_map(|line| self.bread.chunks_exact(k.max(1)).map(move |b| (line, b)));
-        pairs.map(|(line, b)| dot(line, b)).collect()
+        // sums of products that run along rows are several at a time
+        let mut transposed = vec![0.0; k * k];
+        for (i, row) in self.bread.chunks_exact(k.max(1)).enumerate() {
+            for (j, x) in row.iter().enumerate() {
+                transposed[j * k + i] = *x;
+            }
+        }
+        product(&half, &transposed, k)
     }
 
     /// `sqrt(2) B sum cos_j D`, with D the slope of each block: the change of the transform with
@@ -736,9 +753,54 @@ fn omega(
     out
 }
 
-/// A Cholesky factor of a covariance of full rank, see [`Deviations::root`]; `None` if a variance
+/// A covariance of full rank, see [`Deviations::root`].
+struct Shrunk {
+    /// Its Cholesky factor, k x k, column-major.
+    root: Vec<f64>,
+    k: usize,
+    /// The weight of the covariance that noise with the autocorrelation of the residuals has.
+    weight: f64,
+}
+
+impl Shrunk {
+    fn covariance(&self) -> Vec<f64> {
+        let k = self.k;
+        let mut out = vec![0.0; k * k];
+        for column in self.root.chunks_exact(k.max(1)) {
+            for (at, x) in out.iter_mut().enumerate() {
+                *x += column[at % k] * column[at / k];
+            }
+        }
+        out
+    }
+
+    /// Makes the variances as large as those of the cosines alone where these are larger than chance
+    /// explains: what of the noise is not stationary moves some parameters more than others.
+    ///
+    /// - `cosines`: the covariance from the cosines alone, k x k.
+    fn keep_what_is_beyond_chance(&mut self, cosines: &[f64], degrees_of_freedom: &[f64]) {
+        let k = self.k;
+        for (a, freedom) in degrees_of_freedom.iter().enumerate() {
+            let variance: f64 = (0..k).map(|j| self.root[j * k + a].powi(2)).sum();
+            let ratio = cosines[a * k + a] / variance;
+            if ratio.is_finite() && ratio > 1.0 + MIN_CHANCE * (2.0 / freedom).sqrt() {
+                for j in 0..k {
+                    self.root[j * k + a] *= ratio.sqrt();
+                }
+            }
+        }
+    }
+
+    /// Those of a variance whose cosines have so many: the expected covariance, of all residuals, is known far
+    /// better.
+    fn degrees_of_freedom(&self, of_cosines: f64) -> f64 {
+        of_cosines / (1.0 - self.weight).powi(2)
+    }
+}
+
+/// The weighted mean of the covariance of the transforms and of the expected one; `None` if a variance
 /// is not positive and finite.
-fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<Vec<f64>> {
+fn shrunk(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<Shrunk> {
     let zero = vec![0.0; k * k];
     let sizes: Vec<f64> = (0..k).map(|a| expected[a * k + a].sqrt()).collect();
     if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
@@ -791,15 +853,19 @@ fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> O
             *x += shrinkage * mean;
         }
     }
-    let shrunk = cholesky(&found, k)?;
+    let of_found = cholesky(&found, k)?;
     let mut out = zero;
     for j in 0..k {
         for i in j..k {
-            let sum: f64 = (j..=i).map(|l| own[l * k + i] * shrunk[j * k + l]).sum();
+            let sum: f64 = (j..=i).map(|l| own[l * k + i] * of_found[j * k + l]).sum();
             out[j * k + i] = sizes[i] * sum;
         }
     }
-    Some(out)
+    Some(Shrunk {
+        root: out,
+        k,
+        weight: shrinkage,
+    })
 }
 
 #[cfg(test)]
@@ -879,6 +945,34 @@ mod tests {
                 .between
                 .is_some_and(|own| !own.are_runs && own.count == 8)
         );
+    }
+
+    #[test]
+    fn variances_of_many_parameters_vary_less_than_those_of_cosines_alone() {
+        let (k, terms) = (24, 20);
+        let mut random = Random(3);
+        let transforms = (0..terms).map(|_| (0..k).map(|_| random.normal()).collect());
+        let transforms: Vec<Vec<f64>> = transforms.collect();
+        let scale = vec![1.0; k];
+        let identity: Vec<f64> = (0..k * k)
+            .map(|at| f64::from(u8::from(at / k == at % k)))
+            .collect();
+        let spread = |covariance: &[f64]| {
+            let variances = (0..k).map(|a| covariance[a * k + a] - 1.0);
+            variances.map(|x| x * x).sum::<f64>()
+        };
+        let cosines = covariance_of(&transforms, &scale);
+        let mut found = shrunk(&transforms, &scale, &identity, k).unwrap();
+        let alone = spread(&cosines);
+        assert!(spread(&found.covariance()) < 0.25 * alone, "{alone}");
+        assert!(found.degrees_of_freedom(20.0) > 100.0);
+        // a variance that is far larger than chance explains is kept
+        let mut larger = cosines.clone();
+        larger[5 * k + 5] = 9.0;
+        found.keep_what_is_beyond_chance(&larger, &vec![20.0; k]);
+        let covariance = found.covariance();
+        assert!((covariance[5 * k + 5] - 9.0).abs() < 1e-9);
+        assert!((covariance[6 * k + 6] - 1.0).abs() < 0.3);
     }
 
     #[test]

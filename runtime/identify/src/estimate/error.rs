@@ -64,6 +64,8 @@ pub enum EstimateError {
         /// The smallest singular value divided by the largest, with columns scaled to unit length.
         reciprocal_condition: f64,
     },
+    /// All efforts are 0 in all equations.
+    NoEfforts,
     /// A matrix decomposition did not converge.
     NoConvergence,
     /// The equations cannot be filtered.
@@ -128,6 +130,10 @@ impl fmt::Display for EstimateError {
                  {reciprocal_condition:.1e}); undetermined: {}. Excite these by another \
                  trajectory, or leave them out by `base: {{drop: [LABEL, ...]}}` in the spec",
                 labels.join(", ")
+            ),
+            Self::NoEfforts => f.write_str(
+                "all efforts are 0, so that nothing can be identified: they are not measured, or their columns \
+                 are others",
             ),
             Self::NoConvergence => f.write_str("the singular values were not found"),
             Self::Signal(why) => write!(f, "{why}"),

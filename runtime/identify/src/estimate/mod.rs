@@ -31,5 +31,5 @@ pub(crate) use scores::changed_by;
 pub use scores::{BLOCKS, Blocks, Scores};
 pub use set::{Accumulator, FactorSet, FileError, LogErrors, Origin};
 pub use solution::{EffortFit, Estimate, Weighting};
-pub(crate) use solution::{quantile, weights_from};
+pub(crate) use solution::{inverse_gram, quantile, weights_from};
 pub use spectrum::{RANK_TOLERANCE, Spectrum};

@@ -89,14 +89,18 @@ impl Autoregression {
     /// The number of samples that carry as much information on a mean as one independent sample:
     /// the sum of the autocorrelation over the lags of both signs; at least 1.
     pub fn correlation_length(&self) -> f64 {
-        let sum = 1.0 - self.coefficients.iter().sum::<f64>();
-        // the spectrum at frequency 0 over the variance
-        let memory = self.innovation / (sum * sum) / self.variance;
+        let memory = self.level() / self.variance;
         if memory.is_finite() {
             memory.max(1.0)
         } else {
             1.0
         }
+    }
+
+    /// The spectrum at frequency 0: the variance of white noise with as much of it there.
+    pub(crate) fn level(&self) -> f64 {
+        let sum = 1.0 - self.coefficients.iter().sum::<f64>();
+        self.innovation / (sum * sum)
     }
 
     /// The innovation: a value minus its prediction from its neighbours.

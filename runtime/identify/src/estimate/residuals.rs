@@ -18,7 +18,8 @@ pub struct EffortError {
     pub name: String,
     /// The number of samples.
     pub samples: usize,
-    /// The relative absolute error eps_RA in percent (Eq. 33), around the effort's own mean.
+    /// The relative absolute error eps_RA in percent (Eq. 33), around the effort's own mean; infinite where the
+    /// effort is the same throughout.
     pub relative_absolute: f64,
     /// The root mean square of the residuals, N or N m.
     pub rms: f64,
@@ -119,6 +120,21 @@ struct Sums {
     lagged: Vec<f64>,
     /// The last residuals, the newest first.
     recent: VecDeque<f64>,
+}
+
+/// An effort whose mean deviation from its mean is below this part of it is the same throughout, but for rounding.
+const MAX_CONSTANT_PART: f64 = 1e-9;
+
+impl Sums {
+    /// eps_RA in percent: infinite where the effort is the same throughout, NaN where it is so and explained.
+    fn relative_absolute(&self) -> f64 {
+        let rounding = MAX_CONSTANT_PART * (self.measured * self.samples as f64).sqrt();
+        match (self.spread > rounding, self.absolute > rounding) {
+            (true, _) => 100.0 * self.absolute / self.spread,
+            (false, true) => f64::INFINITY,
+            (false, false) => f64::NAN,
+        }
+    }
 }
 
 /// Collects the residuals of all efforts in order of time, and computes their statistics.
@@ -241,7 +257,7 @@ impl Residuals {
             EffortError {
                 name: name.clone(),
                 samples: sums.samples,
-                relative_absolute: 100.0 * sums.absolute / sums.spread,
+                relative_absolute: sums.relative_absolute(),
                 rms: (squares / samples).sqrt(),
                 relative_rms: 100.0 * (squares / sums.measured).sqrt(),
                 largest: sums.largest,

@@ -71,12 +71,9 @@ const MIN_SIGMA_PART: f64 = 1e-14;
 const MIN_RELATIVE_SIGMA: f64 = 1e-4;
 
 /// The weights 1/sigma of the efforts, given the standard deviations `sigmas` of their residuals, N
-/// or N m, or J, with the lower bound [`MIN_RELATIVE_SIGMA`].
+/// or N m, or J, with the lower bound [`MIN_RELATIVE_SIGMA`]; an effort that is 0 throughout has the least
+/// weight of the others.
 pub(crate) fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
-    let rms = |factor: &QrFactor| {
-        let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
-        (squares / factor.rows().max(1) as f64).sqrt()
-    };
     let effort_rms: Vec<f64> = set.factors().iter().map(rms).collect();
     let efforts = sigmas
         .iter()
@@ -84,12 +81,27 @@ pub(crate) fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
         .filter(|(_, magnitude)| **magnitude > 0.0);
     let max_relative_sigma =
         efforts.fold(0.0, |m: f64, (sigma, magnitude)| m.max(sigma / magnitude));
+    let largest = sigmas.iter().fold(0.0, |m: f64, sigma| m.max(*sigma));
+    let least = [1.0 / largest, 1.0];
+    let least = least.into_iter().find(|weight| weight.is_finite());
     let efforts = sigmas.iter().zip(&effort_rms);
     efforts
         .map(|(sigma, magnitude)| {
-            1.0 / sigma.max(MIN_RELATIVE_SIGMA * max_relative_sigma * magnitude)
+            let weight = 1.0 / sigma.max(MIN_RELATIVE_SIGMA * max_relative_sigma * magnitude);
+            // without a size the residuals have no lower bound, and the weight would grow from round to round
+            if weight.is_finite() && *magnitude > 0.0 {
+                weight
+            } else {
+                least.unwrap_or(1.0)
+            }
         })
         .collect()
+}
+
+/// The root mean square of the efforts of a factor.
+fn rms(factor: &QrFactor) -> f64 {
+    let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
+    (squares / factor.rows().max(1) as f64).sqrt()
 }
 
 impl Estimate {
@@ -98,8 +110,12 @@ impl Estimate {
     ///
     /// # Errors
     /// When there are fewer rows than parameters, or the data leave parameters undetermined:
-    /// the error names them.
+    /// the error names them; when all efforts are 0.
     pub fn new(set: &FactorSet, weighting: Weighting) -> Result<Self, EstimateError> {
+        let has_rows = set.factors().iter().any(|factor| factor.rows() > 0);
+        if has_rows && set.factors().iter().all(|factor| rms(factor) == 0.0) {
+            return Err(EstimateError::NoEfforts);
+        }
         let mut weights = vec![1.0; set.factors().len()];
         let mut combined = set.combined(&weights)?;
         let mut values = combined.solve()?;
@@ -287,7 +303,7 @@ fn residual_sigmas(set: &FactorSet, values: &[f64]) -> Result<Vec<f64>, Estimate
 }
 
 /// (W^T W)^-1 = R^-1 R^-T, n x n; `None` where R is singular.
-pub(super) fn inverse_gram(factor: &QrFactor) -> Option<Vec<f64>> {
+pub(crate) fn inverse_gram(factor: &QrFactor) -> Option<Vec<f64>> {
     let n = factor.columns();
     let mut inverse = Vec::with_capacity(n * n);
     for k in 0..n {

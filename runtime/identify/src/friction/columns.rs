@@ -1,32 +1,19 @@
 //! The columns of friction for given shapes.
 
-use core::ops::Range;
-
 use super::FrictionData;
 use super::data::Run;
 use crate::signals::SignalError;
 use regen_runtime::Friction;
 use regen_runtime::friction::SHAPES;
 
-/// The columns of the shape parameters, which follow those of the laws' coefficients.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Behind<'a> {
-    /// For each shape parameter and each coefficient whose column it may change: the derivative of
-    /// that column with respect to the logarithm of the parameter.
-    Slopes,
-    /// For each shape parameter: the derivative of the effort with respect to its logarithm, at the
-    /// given values of all coefficients, times the given reach. The unknown of this column is 1 plus
-    /// the step in units of the reach, so that these columns are also added to the efforts.
-    Steps(&'a [f64], f64),
-}
-
-/// The columns of friction: those of the laws' coefficients, joint by joint, then those of the shape
-/// parameters.
+/// The columns of friction: those of the laws' coefficients, joint by joint, then their slopes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FrictionColumns<'a> {
     pub(super) laws: &'a [Friction],
     pub(super) shapes: &'a [[f64; SHAPES]],
-    pub(super) behind: Behind<'a>,
+    /// Whether there are, for each shape parameter and each coefficient whose column it changes, the derivatives of
+    /// that column with respect to the logarithm of the parameter.
+    pub(super) has_slopes: bool,
 }
 
 /// The indices of a law's coefficients whose columns depend on its shape.
@@ -46,27 +33,19 @@ impl FrictionColumns<'_> {
         self.laws.iter().map(|law| law.coefficients().len()).sum()
     }
 
-    /// The number of columns of a law's shape parameters.
-    fn behind(&self, law: Friction) -> usize {
-        let shapes = law.shape_symbols().len();
-        match self.behind {
-            Behind::Slopes => shapes * curved(law).len(),
-            Behind::Steps(..) => shapes,
+    /// The number of slopes of a law.
+    fn slopes(&self, law: Friction) -> usize {
+        if self.has_slopes {
+            law.shape_symbols().len() * curved(law).len()
+        } else {
+            0
         }
     }
 
     /// The number of columns.
     pub(super) fn count(&self) -> usize {
-        let behind = self.laws.iter().map(|law| self.behind(*law));
-        self.coefficients() + behind.sum::<usize>()
-    }
-
-    /// The columns that are added to the efforts.
-    pub(super) fn shifts_efforts(&self) -> Range<usize> {
-        match self.behind {
-            Behind::Slopes => 0..0,
-            Behind::Steps(..) => self.coefficients()..self.count(),
-        }
+        let slopes = self.laws.iter().map(|law| self.slopes(*law));
+        self.coefficients() + slopes.sum::<usize>()
     }
 
     /// The column and the row of each entry of a sample; other entries are zero.
@@ -80,10 +59,10 @@ impl FrictionColumns<'_> {
                 places.extend(rows_of(k).map(|i| (column + c, i)));
             }
             column += law.coefficients().len();
-            for c in 0..self.behind(*law) {
+            for c in 0..self.slopes(*law) {
                 places.extend(rows_of(k).map(|i| (behind + c, i)));
             }
-            behind += self.behind(*law);
+            behind += self.slopes(*law);
         }
         places
     }
@@ -100,7 +79,6 @@ impl FrictionColumns<'_> {
         let (dof, joints) = (data.dof(), data.joints.len());
         let curved: Vec<Vec<usize>> = self.laws.iter().map(|law| curved(*law)).collect();
         for sample in 0..run.times.len() {
-            let mut column = data.labels.len();
             for (k, law) in self.laws.iter().enumerate() {
                 let v = run.qd[sample * joints + k];
                 let sign = if v == 0.0 { 0.0 } else { v.signum() };
@@ -112,7 +90,11 @@ impl FrictionColumns<'_> {
                     out.extend(rows.map(|(d, _)| d * value));
                 };
                 let used = law.coefficients().len();
-                let symbols = law.shape_symbols().len();
+                let symbols = if self.has_slopes {
+                    law.shape_symbols().len()
+                } else {
+                    0
+                };
                 let (own, slopes) = if symbols > 0 {
                     law.columns_and_slopes(v, sign, shape)
                 } else {
@@ -121,19 +103,9 @@ impl FrictionColumns<'_> {
                 for value in &own[..used] {
                     add(*value);
                 }
-                if symbols > 0 {
-                    for slope in &slopes[..symbols] {
-                        match self.behind {
-                            Behind::Slopes => curved[k].iter().for_each(|c| add(slope[*c])),
-                            Behind::Steps(x, reach) => {
-                                let own = x.get(column..column + used).unwrap_or_default();
-                                let effect: f64 = slope.iter().zip(own).map(|(s, x)| s * x).sum();
-                                add(effect * reach);
-                            }
-                        }
-                    }
+                for slope in &slopes[..symbols] {
+                    curved[k].iter().for_each(|c| add(slope[*c]));
                 }
-                column += used;
             }
         }
         let channels = out.len().checked_div(run.times.len()).unwrap_or(0);

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::columns::FrictionColumns;
+use super::columns::{FrictionColumns, curved};
 use super::reduced::{Linearised, Reduced};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
@@ -52,6 +52,9 @@ pub fn directions<M: Model<f64> + ?Sized>(
     }
 }
 
+/// One of so many moving samples is slow.
+const SLOW_PART: usize = 100;
+
 /// A joint with nonlinear friction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrictionJoint {
@@ -82,9 +85,9 @@ pub struct FrictionData {
     runs: Vec<Run>,
     /// Whether the friction of a joint acts on a row at any sample: dof x joints, joint by joint.
     pub(super) acts: Vec<bool>,
-    /// Changes of the base parameters that sampling leaves unknown, SI, each of which counts as a standard
-    /// deviation.
-    pub(super) sampling: Vec<Vec<f64>>,
+    /// Changes of the base parameters and of the coefficients of friction that sampling, noise of the motion and delays
+    /// leave unknown, SI, each of which counts as a standard deviation.
+    pub(super) changes: Vec<Vec<f64>>,
     /// The linear columns after their reduction, from the first factor on.
     reduced: OnceLock<Arc<Reduced>>,
 }
@@ -206,7 +209,7 @@ impl FrictionData {
             weights: Vec::new(),
             runs: Vec::new(),
             acts: vec![false; dof * joints.len()],
-            sampling: Vec::new(),
+            changes: Vec::new(),
             reduced: OnceLock::new(),
         })
     }
@@ -329,11 +332,20 @@ impl FrictionData {
         Ok(())
     }
 
-    /// Sets the changes of the base parameters that sampling leaves unknown, SI; entries behind those of the
-    /// base parameters do not count.
-    pub(crate) fn with_sampling(mut self, changes: &[Vec<f64>]) -> Self {
-        let base = |change: &Vec<f64>| change.iter().copied().take(self.labels.len()).collect();
-        self.sampling = changes.iter().map(base).collect();
+    /// Sets what sampling, noise of the motion and delays leave unknown.
+    ///
+    /// - `changes`: of the base parameters and of `Fc` and `Fv` of each joint, SI.
+    pub(crate) fn with_changes(mut self, changes: &[Vec<f64>]) -> Self {
+        let of_laws = |change: &Vec<f64>| {
+            let (base, linear) = change.split_at(change.len().min(self.labels.len()));
+            let mut out = base.to_vec();
+            for (law, own) in self.laws.iter().zip(linear.chunks_exact(2)) {
+                let (coefficients, _) = law.of_linear([own[0], own[1]], [1.0; SHAPES]);
+                out.extend(coefficients.iter().take(law.coefficients().len()));
+            }
+            out
+        };
+        self.changes = changes.iter().map(of_laws).collect();
         self
     }
 
@@ -428,6 +440,123 @@ impl FrictionData {
         (0..joints).map(of).collect()
     }
 
+    /// The absolute velocity of each joint below which it is in one of a hundred of the samples in which it moves,
+    /// rad/s or m/s; at most [`fastest`](Self::fastest).
+    pub(super) fn slowest(&self) -> Vec<f64> {
+        let joints = self.joints.len();
+        let of = |(k, fastest): (usize, f64)| {
+            let runs = self.runs.iter();
+            let all = runs.flat_map(|run| run.qd.iter().skip(k).step_by(joints.max(1)));
+            let mut moving: Vec<f64> = all.map(|v| v.abs()).filter(|v| *v > 0.0).collect();
+            moving.sort_by(f64::total_cmp);
+            let one = moving.len() / SLOW_PART;
+            moving.get(one).copied().unwrap_or(fastest)
+        };
+        self.fastest().into_iter().enumerate().map(of).collect()
+    }
+
+    /// The same equations with the friction of one joint alone: the coefficients of the others count as further
+    /// linear parameters.
+    ///
+    /// - `values`: the base parameters and the coefficients of friction, if the shapes of the others are not known
+    ///   but about these: the steps of their logarithms then count as linear parameters too.
+    pub(super) fn of_joint(
+        &self,
+        joint: usize,
+        laws: &[Friction],
+        shapes: &[[f64; SHAPES]],
+        values: Option<&[f64]>,
+    ) -> Result<Self, EstimateError> {
+        let columns = FrictionColumns {
+            laws,
+            shapes,
+            has_slopes: values.is_some(),
+        };
+        let (dof, r, joints) = (self.dof, self.labels.len(), self.joints.len());
+        let (mut kept, mut steps): (Vec<usize>, Vec<Vec<(usize, f64)>>) = <_>::default();
+        kept.extend(0..r);
+        let (mut column, mut slope) = (r, r + self.coefficients(laws).len());
+        for (k, law) in laws.iter().enumerate() {
+            let count = law.coefficients().len();
+            if k != joint {
+                kept.extend(column..column + count);
+            }
+            for _ in law.shape_symbols() {
+                let own: Vec<(usize, f64)> = (curved(*law).into_iter().zip(slope..))
+                    .map(|(c, place)| {
+                        (
+                            place,
+                            values.and_then(|x| x.get(column + c)).map_or(0.0, |x| *x),
+                        )
+                    })
+                    .collect();
+                slope += own.len();
+                if k != joint && values.is_some() {
+                    steps.push(own);
+                }
+            }
+            column += count;
+        }
+        let mut labels = self.labels.clone();
+        labels.extend(self.coefficients(laws));
+        let mut labels: Vec<String> = kept.iter().map(|c| labels[*c].clone()).collect();
+        labels.extend((0..steps.len()).map(|k| format!("step {k}")));
+        let mut w = Vec::with_capacity(self.len() * dof * labels.len());
+        self.visit(&columns, &mut |rows| {
+            let column = |k: usize| &rows.w[k * dof..(k + 1) * dof];
+            for own in &kept {
+                w.extend_from_slice(column(*own));
+            }
+            for own in &steps {
+                let row = |i: usize| own.iter().map(|(k, x)| x * column(*k)[i]).sum::<f64>();
+                w.extend((0..dof).map(row));
+            }
+            Ok(())
+        })?;
+        let every = |values: &[f64], width: usize| -> Vec<f64> {
+            let groups = values.chunks_exact((joints * width).max(1));
+            let own = groups.map(|all| &all[joint * width..(joint + 1) * width]);
+            own.flatten().copied().collect()
+        };
+        let runs = self.runs.iter().map(|run| Run {
+            times: run.times.clone(),
+            qd: every(&run.qd, 1),
+            directions: every(&run.directions, dof),
+            known: run.known.clone(),
+            averaged: run.averaged,
+            equations: run.equations.clone(),
+        });
+        Ok(Self {
+            labels,
+            joints: vec![self.joints[joint].clone()],
+            laws: vec![laws[joint]],
+            dof,
+            filtering: self.filtering,
+            w,
+            tau: self.tau.clone(),
+            held: Vec::new(),
+            weights: self.weights.clone(),
+            runs: runs.collect(),
+            acts: self.acts[joint * dof..(joint + 1) * dof].to_vec(),
+            changes: Vec::new(),
+            reduced: OnceLock::new(),
+        })
+    }
+
+    /// The factor of the linear columns and of the coefficients of friction for these shapes.
+    pub(super) fn factor(
+        &self,
+        laws: &[Friction],
+        shapes: &[[f64; SHAPES]],
+    ) -> Result<QrFactor, EstimateError> {
+        let columns = FrictionColumns {
+            laws,
+            shapes,
+            has_slopes: false,
+        };
+        self.reduced()?.factor(self, &columns)
+    }
+
     /// The labels of the linear coefficients of friction, `symbol(joint)`.
     pub(super) fn coefficients(&self, laws: &[Friction]) -> Vec<String> {
         let of = |(law, joint): (&Friction, &FrictionJoint)| {
@@ -495,7 +624,7 @@ impl FrictionData {
             weights: self.weights.clone(),
             runs,
             acts: self.acts.clone(),
-            sampling: Vec::new(),
+            changes: Vec::new(),
             reduced: self.reduced.clone(),
             ..*self
         })
@@ -526,7 +655,6 @@ impl FrictionData {
     ) -> Result<(), EstimateError> {
         let (dof, r) = (self.dof, self.labels.len());
         let places = columns.places(self);
-        let shifts = columns.shifts_efforts();
         let mut w = vec![0.0; dof * (r + columns.count())];
         let mut tau = vec![0.0; dof];
         let mut channels = Vec::new();
@@ -540,11 +668,7 @@ impl FrictionData {
                 let weights = &self.weights[equation * dof..][..dof];
                 let own = &channels[sample * places.len()..][..places.len()];
                 for ((column, row), value) in places.iter().zip(own) {
-                    let value = value * weights[*row];
-                    w[(r + column) * dof + row] = value;
-                    if shifts.contains(column) {
-                        tau[*row] += value;
-                    }
+                    w[(r + column) * dof + row] = value * weights[*row];
                 }
                 each(Rows {
                     w: &w,

@@ -3,8 +3,9 @@
 
 use super::FrictionData;
 use super::columns::curved;
+use super::likelihood::Shapes;
 use super::reduced::Linearised;
-use super::starts::{STARTS, start};
+use super::starts::{STARTS, ranges, start, within};
 use super::values::{explained, symbols};
 use crate::estimate::QrFactor;
 use crate::feasibility::{
@@ -25,8 +26,8 @@ const MIN_RELATIVE_GAIN: f64 = 1e-9;
 const INITIAL_REACH: f64 = 0.5;
 const MAX_REACH: f64 = 1.0;
 const MIN_REACH: f64 = 1e-6;
-/// Shape parameters stay within this factor of the first start's: beyond it a law degenerates.
-const MAX_SHAPE_FACTOR: f64 = 1e3;
+/// How often the shapes of all joints are searched on grids.
+const MAX_SCANS: usize = 2;
 
 /// The friction of one joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,8 +120,8 @@ struct Search<'a> {
     combinations: BaseMap,
     layout: ParameterLayout,
     options: &'a Options,
-    /// The shapes of the first start, around which all shapes stay.
-    first: Vec<[f64; SHAPES]>,
+    /// The ranges of the shapes of each joint.
+    ranges: Vec<[(f64, f64); SHAPES]>,
     /// What the fit of the first shapes found, from which the others begin.
     known: Option<Known>,
     /// What the first step found, for the steps in which the same shape parameters act.
@@ -148,14 +149,13 @@ impl<'a> Search<'a> {
         options: &'a Options,
     ) -> Result<Self, FeasibilityError> {
         let coefficients = data.coefficients(laws);
-        let pairs = laws.iter().zip(data.fastest());
         Ok(Self {
             data,
             laws: laws.to_vec(),
             combinations: combinations.extended(&coefficients),
             layout: layout.extended(&coefficients)?,
             options,
-            first: pairs.map(|(law, v)| start(*law, 0, v)).collect(),
+            ranges: shape_ranges(data, laws),
             known: None,
             step_known: None,
             programmes: 0,
@@ -167,9 +167,7 @@ impl<'a> Search<'a> {
         let fastest = self.data.fastest();
         let mut points = Vec::with_capacity(STARTS);
         for which in 0..STARTS {
-            let pairs = self.laws.iter().zip(&fastest);
-            let shapes = pairs.map(|(law, v)| start(*law, which, *v)).collect();
-            points.push(self.point(shapes)?);
+            points.push(self.point(self.start(which, &fastest))?);
         }
         let composed = self.composed(&points)?;
         if points.iter().all(|point| point.shapes != composed) {
@@ -189,7 +187,48 @@ impl<'a> Search<'a> {
             expected: STARTS,
             got: 0,
         })?;
-        Ok(self.descend(best, MAX_STEPS))
+        let (mut best, mut is_end) = self.descend(best, MAX_STEPS);
+        for _ in 0..MAX_SCANS {
+            let shapes = self.scanned(&best)?;
+            if shapes == best.shapes {
+                break;
+            }
+            let point = self.point(shapes)?;
+            let (point, _) = self.descend(point, STEPS_PER_START);
+            if point.cost >= best.cost {
+                break;
+            }
+            (best, is_end) = self.descend(point, MAX_STEPS);
+        }
+        Ok((best, is_end))
+    }
+
+    /// The shapes of one start.
+    fn start(&self, which: usize, fastest: &[f64]) -> Vec<[f64; SHAPES]> {
+        let joints = self.laws.iter().zip(fastest).zip(&self.ranges);
+        joints
+            .map(|((law, fastest), ranges)| start(*law, which, *fastest, ranges))
+            .collect()
+    }
+
+    /// The shapes, each replaced by one of a grid that explains more with the others as they are.
+    fn scanned(&self, point: &Point) -> Result<Vec<[f64; SHAPES]>, FeasibilityError> {
+        let mut shapes = point.shapes.clone();
+        for (joint, (law, ranges)) in self.laws.iter().zip(&self.ranges).enumerate() {
+            let own = self.data.of_joint(joint, &self.laws, &point.shapes, None)?;
+            let known = shapes.get(joint).copied().unwrap_or([1.0; SHAPES]);
+            let of_joint = Shapes {
+                data: &own,
+                law: *law,
+                ranges: *ranges,
+            };
+            let (shape, least) = of_joint.best_of_grid()?;
+            let gains = least < of_joint.cost(known)?;
+            if let (Some(slot), true) = (shapes.get_mut(joint), gains) {
+                *slot = shape;
+            }
+        }
+        Ok(shapes)
     }
 
     fn solve(
@@ -267,7 +306,7 @@ impl<'a> Search<'a> {
     /// constraints leave a law no part in the fit, its shape has no effect and no slope leads away;
     /// this finds the joints that another start serves better.
     fn composed(&self, points: &[Point]) -> Result<Vec<[f64; SHAPES]>, FeasibilityError> {
-        let mut shapes = self.first.clone();
+        let mut shapes = self.start(0, &self.data.fastest());
         let mut most = vec![0.0; shapes.len()];
         for point in points {
             let factor = point.equations.factor()?;
@@ -353,17 +392,15 @@ impl<'a> Search<'a> {
     /// The shapes after steps of their logarithms, kept in their range.
     fn moved(&self, shapes: &[[f64; SHAPES]], by: &[f64]) -> Vec<[f64; SHAPES]> {
         let mut by = by.iter();
-        let laws = self.laws.iter().zip(&self.first);
+        let laws = self.laws.iter().zip(&self.ranges);
         let pairs = shapes.iter().zip(laws);
         pairs
-            .map(|(shape, (law, first))| {
+            .map(|(shape, (law, ranges))| {
                 let mut out = *shape;
-                for (value, first) in out.iter_mut().zip(first).take(law.shape_symbols().len()) {
-                    let step = by.next().copied().unwrap_or(0.0);
-                    *value = (*value * step.exp())
-                        .clamp(first / MAX_SHAPE_FACTOR, first * MAX_SHAPE_FACTOR);
+                for value in out.iter_mut().take(law.shape_symbols().len()) {
+                    *value *= by.next().copied().unwrap_or(0.0).exp();
                 }
-                out
+                within(ranges, out)
             })
             .collect()
     }
@@ -497,10 +534,13 @@ pub fn fit(
     })
 }
 
-/// The range of a shape parameter in a search.
-pub(super) fn range(law: Friction, which: usize, fastest: f64) -> (f64, f64) {
-    let first = start(law, 0, fastest).get(which).copied().unwrap_or(1.0);
-    (first / MAX_SHAPE_FACTOR, first * MAX_SHAPE_FACTOR)
+/// The ranges of the shapes of each joint, see [`ranges`].
+pub(super) fn shape_ranges(data: &FrictionData, laws: &[Friction]) -> Vec<[(f64, f64); SHAPES]> {
+    let velocities = data.slowest().into_iter().zip(data.fastest());
+    let joints = laws.iter().zip(velocities);
+    joints
+        .map(|(law, (slowest, fastest))| ranges(*law, slowest, fastest))
+        .collect()
 }
 
 /// The optimum of other data for the same problem, found from that of a fit.

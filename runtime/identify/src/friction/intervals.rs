@@ -1,23 +1,21 @@
 //! Confidence intervals of a fit with nonlinear friction, by linearisation at its optimum.
 
 use super::FrictionData;
-use super::columns::{Behind, FrictionColumns};
-use super::fit::{FrictionFit, range};
+use super::columns::{FrictionColumns, curved};
+use super::fit::{FrictionFit, Optimum, shape_ranges};
+use super::likelihood::Shapes;
 use super::reversals;
 use super::scores::FittedColumns;
-use super::values::symbols;
-use crate::estimate::{Deviations, EstimateError, QrFactor};
-use crate::feasibility::{BaseMap, Bound, FeasibilityError, Options, ParameterLayout};
-use crate::intervals::{Draws, LeastSquares, Spread, determined, replicate};
+use super::starts::within;
+use super::values::{explained, symbols};
+use crate::estimate::{Deviations, QrFactor};
+use crate::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout};
+use crate::intervals::{LeastSquares, Random, Spread, determined, factor_with_solution, projected};
+use crate::qr_update::substitute;
 use regen_runtime::friction::SHAPES;
 
-/// The bound on the change of the logarithm of a shape parameter in a draw: a factor of 20 up or
-/// down.
-const LOG_SHAPE_REACH: f64 = 3.0;
-
-/// The largest standard deviation of the step of a shape parameter, in units of [`LOG_SHAPE_REACH`]. Beyond
-/// it the interval is the whole range of the search: most draws would end at their bound, wherever that is.
-const MAX_STEP_DEVIATION: f64 = 1.0;
+/// A shape has no effect if the columns that it changes explain less than this part of the noise of a row.
+const NO_EFFECT: f64 = 1e-6;
 
 /// Confidence intervals of a fit with nonlinear friction.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,8 +29,7 @@ pub struct FrictionIntervals {
     /// [`Friction::symbols`](regen_runtime::Friction::symbols); `None` for a shape parameter that
     /// the data do not determine.
     pub joints: Vec<Vec<Option<Spread>>>,
-    /// The covariance of the linearised fit, over base parameters, coefficients of friction, and
-    /// steps of shape parameters.
+    /// The covariance of the base parameters and the coefficients of friction with these shapes.
     pub deviations: Deviations,
     /// The number of draws that were projected onto the constraints.
     pub replicates: usize,
@@ -42,14 +39,15 @@ pub struct FrictionIntervals {
 
 /// Computes the confidence intervals of a fit.
 ///
-/// The fit is linearised at its optimum: its columns are those of the base parameters, of
-/// friction's linear coefficients, and one for the logarithm of each shape parameter. The
-/// covariance of its least-squares parameters accounts for the correlation of the residuals
-/// ([`Deviations`]). For equations that passed a filter it contains what the filter and the sampling
+/// With the shapes of friction at the optimum the equations are linear in the base parameters and in friction's
+/// coefficients, and the covariance of their least-squares parameters accounts for the correlation of the
+/// residuals ([`Deviations`]). The shapes are not known: those of each draw have the distribution that their
+/// likelihood on a grid has, joint by joint, and its parameters are drawn about the best ones for these shapes.
+/// For equations that passed a filter a draw also contains what the filter and the sampling
 /// leave unknown of the velocities near reversals: how far the fit moves with other velocities. What
-/// sampling leaves unknown of the base parameters with linear friction is in it too. Draws of these parameters are projected onto the constraints, see
-/// [`intervals`](crate::intervals). Derived values, such as `Fs` from `Fc` and the excess over it,
-/// are computed for each draw.
+/// sampling leaves unknown of the parameters with linear friction is in it too. Draws of these parameters are
+/// projected onto the constraints, see [`intervals`](crate::intervals). Derived values, such as `Fs` from `Fc` and
+/// the excess over it, are computed for each draw.
 ///
 /// - `combinations`, `layout`, `options`: those of the fit;
 /// - `replicates`: the number of draws, see [`DEFAULT_DRAWS`](crate::intervals::DEFAULT_DRAWS);
@@ -71,61 +69,48 @@ pub fn intervals(
     let coefficients = data.coefficients(&point.laws);
     let r = combinations.labels().len();
     let known = r + coefficients.len();
-    let equations = data.linearised(&point.laws, &point.shapes)?;
-    let whole = equations.with_steps(&point.values, LOG_SHAPE_REACH)?;
-    let (factor, kept) = determined_part(&whole, known)?;
+    let factor = data.factor(&point.laws, &point.shapes)?;
     let values = factor.solve()?;
-    let linearised = FittedColumns {
+    let fitted = FittedColumns {
         data,
         columns: FrictionColumns {
             laws: &point.laws,
             shapes: &point.shapes,
-            behind: Behind::Steps(&point.values, LOG_SHAPE_REACH),
+            has_slopes: false,
         },
-        kept: &kept,
         values: &values,
     };
-    let deviations = linearised.deviations(&factor)?;
-    let changes = reversals::changes(data, combinations, layout, options, fit)?;
-    let deviations = changes
-        .iter()
-        .chain(&data.sampling)
-        .fold(deviations, |sum, change| {
-            let step = |column: usize| {
-                let change = change.get(column).copied().unwrap_or_default();
-                if column < known {
-                    change
-                } else {
-                    change / LOG_SHAPE_REACH
-                }
-            };
-            let own: Vec<f64> = kept.iter().map(|column| step(*column)).collect();
-            sum.with_change(&own)
-        });
-
-    let labels = factor.labels();
-    let more = &labels[r..];
-    let extended = layout.extended(more)?;
-    let combined = combinations.extended(more);
-    let mut own = options.clone();
-    if !own.reference.is_empty() {
-        own.reference.resize(extended.len(), None);
-    }
-    own.bounds.extend(labels[known..].iter().map(|label| Bound {
-        parameter: label.clone(),
-        lowest: 0.0,
-        highest: 2.0,
-    }));
+    let deviations = fitted.deviations(&factor)?;
+    let mut changes = reversals::changes(data, combinations, layout, options, fit)?;
+    changes.extend_from_slice(&data.changes);
+    let extended = layout.extended(&coefficients)?;
+    let combined = combinations.extended(&coefficients);
     let found = LeastSquares {
         factor: &factor,
         values: &values,
         deviations: &deviations,
     };
-    let draws = Draws {
-        seed: fit.seed,
-        ..Draws::new(found, replicates)
+    let mut own = options.clone();
+    if !own.reference.is_empty() {
+        own.reference.resize(extended.len(), None);
+    }
+    let draws = ShapeDraws {
+        data,
+        point,
+        found,
+        changes: &changes,
     };
-    let drawn = replicate(found, &combined, &extended, &own, &draws, progress)?;
+    let draws = draws.drawn(fit.seed, replicates)?;
+    let drawn = projected(
+        found,
+        &combined,
+        &extended,
+        &own,
+        &draws.data,
+        None,
+        progress,
+    )?;
+    let noise = factor.rss() / factor.rows().saturating_sub(known).max(1) as f64;
 
     let p = layout.len();
     let base = fit.beta.iter().enumerate();
@@ -135,25 +120,15 @@ pub fn intervals(
     let physical =
         physical.map(|(k, (value, known))| known.then(|| drawn.physical_spread(k, *value)));
     // the values of every joint's law, for each draw
-    let mut printed: Vec<Vec<Vec<f64>>> = Vec::with_capacity(drawn.phi.len());
-    for draw in &drawn.phi {
-        let mut shapes = point.shapes.clone();
-        let mut column = known;
-        for (law, shape) in point.laws.iter().zip(&mut shapes) {
-            for value in shape.iter_mut().take(law.shape_symbols().len()) {
-                if let Some(place) = kept.iter().position(|c| *c == column) {
-                    let step = draw.get(p + place - r).copied().unwrap_or(1.0);
-                    *value *= libm::exp(LOG_SHAPE_REACH * (step - 1.0));
-                }
-                column += 1;
-            }
-        }
+    let of_draw = |(draw, shapes): (&Vec<f64>, &Vec<[f64; SHAPES]>)| {
         let own = draw.get(p..).unwrap_or_default();
-        printed.push(symbols(data, &point.laws, own, &shapes));
-    }
-    let fastest = data.fastest();
+        symbols(data, &point.laws, own, shapes)
+    };
+    let solved = drawn.solved.iter().filter_map(|k| draws.shapes.get(*k));
+    let pairs = drawn.phi.iter().zip(solved);
+    let printed: Vec<Vec<Vec<f64>>> = pairs.map(of_draw).collect();
     let mut joints = Vec::with_capacity(fit.joints.len());
-    let mut column = known;
+    let mut column = r;
     for (j, ((joint, law), own)) in fit
         .joints
         .iter()
@@ -161,21 +136,13 @@ pub fn intervals(
         .zip(&point.laws)
         .enumerate()
     {
-        let all = joint.friction.symbols();
-        // symbols without an interval: undetermined shape parameters, and those that linear
-        // friction does not have
+        // symbols without an interval: shape parameters without effect, and those that linear friction does not have
         let mut silent: Vec<&str> = Vec::new();
-        let mut open: Vec<(&str, usize)> = Vec::new();
-        for (which, symbol) in own.shape_symbols().iter().enumerate().take(SHAPES) {
-            match kept.iter().position(|c| *c == column) {
-                None => silent.push(symbol),
-                Some(place) if deviations.sigma(place) > MAX_STEP_DEVIATION => {
-                    open.push((symbol, which));
-                }
-                Some(_) => {}
-            }
-            column += 1;
+        let columns: Vec<usize> = curved(*own).into_iter().map(|c| column + c).collect();
+        if explained(&factor, &columns, &point.values)? < NO_EFFECT * noise {
+            silent.extend(own.shape_symbols());
         }
+        column += own.coefficients().len();
         if own != law {
             silent.extend(law.shape_symbols());
             silent.extend(law.coefficients().iter().filter(|s| **s == "Fv2"));
@@ -185,17 +152,19 @@ pub fn intervals(
                 return None;
             }
             let value = joint.values.get(k).copied()?;
-            if let Some((_, which)) = open.iter().find(|(own, _)| own == symbol) {
-                let (lowest, highest) = range(joint.friction, *which, fastest[j]);
-                let ends = [lowest, highest].into_iter().cycle();
-                let ends = ends.take(printed.len()).collect();
-                return Some(drawn.spread(value, ends));
-            }
             let draws = printed.iter().map(|d| d.get(j)?.get(k).copied());
             let draws = draws.map(|x| x.unwrap_or(f64::NAN));
             Some(drawn.spread(value, draws.collect()))
         };
-        joints.push(all.iter().enumerate().map(one).collect());
+        joints.push(
+            joint
+                .friction
+                .symbols()
+                .iter()
+                .enumerate()
+                .map(one)
+                .collect(),
+        );
     }
     Ok(FrictionIntervals {
         base: base.collect(),
@@ -207,27 +176,134 @@ pub fn intervals(
     })
 }
 
-/// The factor without the steps of shape parameters that the data leave undetermined, and the
-/// indices of the remaining columns.
-fn determined_part(
-    whole: &QrFactor,
-    known: usize,
-) -> Result<(QrFactor, Vec<usize>), EstimateError> {
-    let mut kept: Vec<usize> = (0..whole.columns()).collect();
-    loop {
-        let factor = whole.select(&kept)?;
-        let spectrum = factor.spectrum()?;
-        if spectrum.rank() == kept.len() {
-            return Ok((factor, kept));
+/// What draws of the parameters and shapes of a fit are made from.
+struct ShapeDraws<'a> {
+    data: &'a FrictionData,
+    point: &'a Optimum,
+    /// The least-squares parameters with the shapes of the fit.
+    found: LeastSquares<'a>,
+    /// Changes of the parameters and the logarithms of the shapes, each of which counts as a standard deviation.
+    changes: &'a [Vec<f64>],
+}
+
+/// Draws.
+#[derive(Default)]
+struct Drawn {
+    /// The data of each, with their least-squares parameters.
+    data: Vec<(QrFactor, Vec<f64>)>,
+    /// The shapes of all joints in each.
+    shapes: Vec<Vec<[f64; SHAPES]>>,
+}
+
+impl ShapeDraws<'_> {
+    /// Draws so many.
+    fn drawn(&self, seed: u64, count: usize) -> Result<Drawn, FeasibilityError> {
+        let LeastSquares {
+            factor, deviations, ..
+        } = self.found;
+        let n = factor.columns();
+        if deviations.root().iter().any(|x| !x.is_finite()) {
+            return Ok(Drawn::default());
         }
-        let undetermined = spectrum.undetermined();
-        let step = undetermined.into_iter().rev().find(|k| kept[*k] >= known);
-        match step {
-            Some(k) => {
-                kept.remove(k);
+        let mut random = Random(seed);
+        let steps = random.steps(deviations, n, count);
+        let mut shapes = vec![self.point.shapes.clone(); count];
+        let ranges = shape_ranges(self.data, &self.point.laws);
+        for (joint, range) in ranges.iter().enumerate() {
+            let own = self.shapes_of_joint(joint, *range, &mut random, count)?;
+            for (all, own) in shapes.iter_mut().zip(own) {
+                if let Some(slot) = all.get_mut(joint) {
+                    *slot = own;
+                }
             }
-            // the error of the solution lists the undetermined parameters
-            None => return Ok((factor, kept)),
+        }
+        let mut data = Vec::with_capacity(count);
+        for (step, shapes) in steps.iter().zip(&mut shapes) {
+            let own = self.data.factor(&self.point.laws, shapes)?;
+            // what noise moves with the shapes of the fit, it moves in the same directions of the rows with others
+            let along = product(factor.r(), step);
+            let moved = own.solve().ok().zip(substitute(own.r(), &along));
+            let (own, mut values): (_, Vec<f64>) = if let Some((best, step)) = moved {
+                (own, best.iter().zip(&step).map(|(x, s)| x + s).collect())
+            } else {
+                shapes.clone_from(&self.point.shapes);
+                let values = self.found.values.iter().zip(step);
+                (factor.clone(), values.map(|(x, s)| x + s).collect())
+            };
+            for change in self.changes {
+                let by = random.normal();
+                let (linear, rest) = change.split_at(change.len().min(n));
+                for (value, change) in values.iter_mut().zip(linear) {
+                    *value += by * change;
+                }
+                let mut rest = rest.iter();
+                let joints = self.point.laws.iter().zip(shapes.iter_mut()).zip(&ranges);
+                for ((law, shape), range) in joints {
+                    for value in shape.iter_mut().take(law.shape_symbols().len()) {
+                        *value *= libm::exp(by * rest.next().copied().unwrap_or(0.0));
+                    }
+                    *shape = within(range, *shape);
+                }
+            }
+            data.push((factor_with_solution(&own, &values)?, values));
+        }
+        Ok(Drawn { data, shapes })
+    }
+
+    /// Shapes of one joint with the distribution of their likelihood.
+    fn shapes_of_joint(
+        &self,
+        joint: usize,
+        range: [(f64, f64); SHAPES],
+        random: &mut Random,
+        count: usize,
+    ) -> Result<Vec<[f64; SHAPES]>, FeasibilityError> {
+        let (point, law) = (self.point, self.point.laws.get(joint).copied());
+        let Some(law) = law.filter(|law| !law.is_linear()) else {
+            let same = point.shapes.get(joint).copied().unwrap_or([1.0; SHAPES]);
+            return Ok(vec![same; count]);
+        };
+        let own = self
+            .data
+            .of_joint(joint, &point.laws, &point.shapes, Some(&point.values))?;
+        let noise = self.noise_of(joint);
+        let shapes = Shapes {
+            data: &own,
+            law,
+            ranges: range,
+        };
+        let known = point.shapes.get(joint).copied().unwrap_or([1.0; SHAPES]);
+        Ok(shapes.drawn(known, noise, random, count)?)
+    }
+
+    /// The squared residuals of one independent row in the directions of a joint's coefficients, the others being known:
+    /// rows that noise correlates tell less than their number.
+    fn noise_of(&self, joint: usize) -> f64 {
+        let LeastSquares {
+            factor, deviations, ..
+        } = self.found;
+        let n = factor.columns();
+        let laws = &self.point.laws;
+        let before = laws.iter().take(joint).map(|law| law.coefficients().len());
+        let first = self.data.labels.len() + before.sum::<usize>();
+        let own = laws.get(joint).map_or(0, |law| law.coefficients().len());
+        let along = deviations.root().chunks_exact(n.max(1));
+        let rows: Vec<Vec<f64>> = along.map(|step| product(factor.r(), step)).collect();
+        let squares = (first..first + own).map(|k| {
+            let of_row = rows.iter().filter_map(|row| row.get(k));
+            of_row.map(|x| x * x).sum::<f64>()
+        });
+        squares.sum::<f64>() / own.max(1) as f64
+    }
+}
+
+/// The product of an upper triangle, column by column, and a vector.
+fn product(r: &[f64], x: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; x.len()];
+    for (column, x) in r.chunks_exact(x.len().max(1)).zip(x) {
+        for (sum, r) in out.iter_mut().zip(column) {
+            *sum += r * x;
         }
     }
+    out
 }

@@ -14,6 +14,7 @@ mod columns;
 mod data;
 mod fit;
 mod intervals;
+mod likelihood;
 mod passes;
 mod reduced;
 mod residuals;

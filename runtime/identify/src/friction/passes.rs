@@ -252,12 +252,13 @@ where
 pub(crate) fn observe_linear_friction<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
     source: &mut S,
+    static_friction: &[f64],
 ) -> Result<FactorSet, S::Error>
 where
     S::Error: From<FeasibilityError>,
 {
     let (columns, labels) = linear_columns(model)?;
-    observe_with_columns(model, source, Box::new(columns), &labels)
+    observe_with_columns(model, source, Box::new(columns), &labels, static_friction)
 }
 
 /// The columns of linear friction of the joints whose friction is nonlinear, with their labels.

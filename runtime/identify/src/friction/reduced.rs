@@ -2,7 +2,7 @@
 //! reduced once; for each shape only the columns of friction are reflected and reduced.
 
 use super::FrictionData;
-use super::columns::{Behind, FrictionColumns, curved};
+use super::columns::{FrictionColumns, curved};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::qr_update::{BLOCK, Reflection, reduce, reduce_and_keep, reflect};
 use regen_runtime::Friction;
@@ -68,10 +68,9 @@ impl Reduced {
         let columns = FrictionColumns {
             laws,
             shapes,
-            behind: Behind::Slopes,
+            has_slopes: true,
         };
-        let mut labels = data.labels.clone();
-        let (mut derived, mut step, mut column) = (Vec::new(), 0, labels.len());
+        let (mut derived, mut step, mut column) = (Vec::new(), 0, data.labels.len());
         for law in laws {
             for _ in law.shape_symbols() {
                 derived.extend(curved(*law).into_iter().map(|c| (step, column + c)));
@@ -79,9 +78,25 @@ impl Reduced {
             }
             column += law.coefficients().len();
         }
-        labels.extend(data.coefficients(laws));
-        let known = labels.len();
-        labels.extend((0..derived.len()).map(|k| format!("derivative {k}")));
+        Ok(Linearised {
+            all: self.factor(data, &columns)?,
+            known: column,
+            steps: data.steps(laws),
+            derived,
+        })
+    }
+
+    /// The factor of the linear columns and these columns of friction, of which those behind the coefficients are
+    /// without labels.
+    pub(super) fn factor(
+        &self,
+        data: &FrictionData,
+        columns: &FrictionColumns<'_>,
+    ) -> Result<QrFactor, EstimateError> {
+        let mut labels = data.labels.clone();
+        labels.extend(data.coefficients(columns.laws));
+        let behind = data.labels.len() + columns.count() - labels.len();
+        labels.extend((0..behind).map(|k| format!("derivative {k}")));
 
         let places = columns.places(data);
         let mut own: Vec<OwnColumns> = self
@@ -116,12 +131,7 @@ impl Reduced {
             rss += squares;
             rows += effort.equations.len();
         }
-        Ok(Linearised {
-            all: with_rest(&all, rss, rows)?,
-            known,
-            steps: data.steps(laws),
-            derived,
-        })
+        with_rest(&all, rss, rows)
     }
 }
 
@@ -325,14 +335,24 @@ mod tests {
         data
     }
 
+    /// Changes the entries of a row; also returns what is added to its effort.
+    type Change<'a> = dyn Fn(&[f64]) -> (Vec<f64>, f64) + 'a;
+
     /// Reduces the rows one after the other, without those that are left out.
-    fn directly(data: &FrictionData, columns: &FrictionColumns<'_>) -> QrFactor {
-        let n = data.labels.len() + columns.count();
+    fn directly(
+        data: &FrictionData,
+        columns: &FrictionColumns<'_>,
+        change: &Change<'_>,
+    ) -> QrFactor {
+        let n = change(&vec![0.0; data.labels.len() + columns.count()])
+            .0
+            .len();
         let mut factor = QrFactor::new((0..n).map(|k| k.to_string()).collect());
         data.visit(columns, &mut |rows| {
             for i in (0..2).filter(|i| rows.weights[*i] != 0.0) {
                 let row: Vec<f64> = rows.w.iter().skip(i).step_by(2).copied().collect();
-                factor.push_block(&row, &rows.tau[i..=i])?;
+                let (row, more) = change(&row);
+                factor.push_block(&row, &[rows.tau[i] + more])?;
             }
             Ok(())
         })
@@ -369,33 +389,43 @@ mod tests {
             let laws = &data.laws.clone();
             let x: Vec<f64> = (0..12).map(|k| 0.4 + 0.3 * f64::from(k)).collect();
             let found = data.linearised(laws, &shapes).unwrap();
-            for reach in [1.0, 0.1] {
-                let columns = FrictionColumns {
-                    laws,
-                    shapes: &shapes,
-                    behind: Behind::Steps(&x, reach),
-                };
-                let whole = directly(&data, &columns);
-                assert_same(&whole, &found.with_steps(&x, reach).unwrap());
-            }
-            // where the efforts do not depend on the shapes, the columns of the steps are zeros
             let columns = FrictionColumns {
                 laws,
                 shapes: &shapes,
-                behind: Behind::Steps(&[], 1.0),
+                has_slopes: true,
             };
-            let known: Vec<usize> = (0..12).collect();
-            let plain = directly(&data, &columns).select(&known).unwrap();
+            let whole = directly(&data, &columns, &|row| (row.to_vec(), 0.0));
+            assert_same(&whole, &found.all);
+            assert!(whole.rss() > 1.0);
+            // a step has the sum of the slopes of its parameter times their coefficients, also beside the efforts
+            let known = data.labels.len() + data.coefficients(laws).len();
+            for reach in [1.0, 0.1] {
+                let stepped = directly(&data, &columns, &|row| {
+                    let mut steps = vec![0.0; found.steps.len()];
+                    for (slope, (step, of)) in row[known..].iter().zip(&found.derived) {
+                        steps[*step] += reach * x[*of] * slope;
+                    }
+                    let side = steps.iter().sum();
+                    ([&row[..known], &steps].concat(), side)
+                });
+                assert_same(&stepped, &found.with_steps(&x, reach).unwrap());
+            }
+            let columns = FrictionColumns {
+                has_slopes: false,
+                ..columns
+            };
+            let plain = directly(&data, &columns, &|row| (row.to_vec(), 0.0));
             assert_same(&plain, &found.factor().unwrap());
-            assert!(plain.rss() > 1.0);
+            assert_same(&plain, &data.factor(laws, &shapes).unwrap());
 
             let linear = &data.linear_laws();
             let columns = FrictionColumns {
                 laws: linear,
                 shapes: &[],
-                behind: Behind::Slopes,
+                has_slopes: true,
             };
-            assert_same(&directly(&data, &columns), &data.linear_factor().unwrap());
+            let plain = directly(&data, &columns, &|row| (row.to_vec(), 0.0));
+            assert_same(&plain, &data.linear_factor().unwrap());
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The covariance of fits with friction on the equations in memory, from their scores.
 
 use super::FrictionData;
-use super::columns::{Behind, FrictionColumns};
+use super::columns::FrictionColumns;
 use super::data::Rows;
 use crate::estimate::{
     Autoregression, Blocks, Deviations, EstimateError, ORDER, QrFactor, Residuals, Scores,
@@ -13,49 +13,30 @@ use crate::qr_update::substitute;
 pub(super) struct FittedColumns<'a> {
     pub(super) data: &'a FrictionData,
     pub(super) columns: FrictionColumns<'a>,
-    /// The columns that were fitted. Others are steps of shape parameters, which are 1, so that they
-    /// change no shape.
-    pub(super) kept: &'a [usize],
     /// The values of the fitted columns.
     pub(super) values: &'a [f64],
 }
 
-/// A callback that takes the rows, the entries of the fitted columns, the residuals, and for each effort
-/// 1 if it is used or 0.
-type RowVisitor<'a> =
-    dyn FnMut(&Rows<'_>, &[f64], &[f64], &[f64]) -> Result<(), EstimateError> + 'a;
+/// A callback that takes the rows, the residuals, and for each effort 1 if it is used or 0.
+type RowVisitor<'a> = dyn FnMut(&Rows<'_>, &[f64], &[f64]) -> Result<(), EstimateError> + 'a;
 
 impl FittedColumns<'_> {
     /// Calls `each` for every sample, see [`RowVisitor`].
     fn visit(&self, each: &mut RowVisitor<'_>) -> Result<(), EstimateError> {
         let dof = self.data.dof();
-        let mut w = Vec::with_capacity(dof * self.kept.len());
-        let columns_left_out: Vec<usize> = (0..self.data.labels.len() + self.columns.count())
-            .filter(|column| !self.kept.contains(column))
-            .collect();
         let mut left = vec![0.0; dof];
         let mut used = vec![0.0; dof];
         self.data.visit(&self.columns, &mut |rows| {
-            w.clear();
-            for column in self.kept {
-                w.extend_from_slice(&rows.w[column * dof..(column + 1) * dof]);
-            }
             left.copy_from_slice(rows.tau);
-            for (column, value) in w.chunks_exact(dof.max(1)).zip(self.values) {
+            for (column, value) in rows.w.chunks_exact(dof.max(1)).zip(self.values) {
                 for (rest, x) in left.iter_mut().zip(column) {
                     *rest -= x * value;
-                }
-            }
-            for column in &columns_left_out {
-                let entries = &rows.w[column * dof..(column + 1) * dof];
-                for (rest, x) in left.iter_mut().zip(entries) {
-                    *rest -= x;
                 }
             }
             for (slot, weight) in used.iter_mut().zip(rows.weights) {
                 *slot = f64::from(*weight > 0.0);
             }
-            each(&rows, &w, &left, &used)
+            each(&rows, &left, &used)
         })
     }
 
@@ -65,7 +46,7 @@ impl FittedColumns<'_> {
         let names: Vec<String> = (0..dof).map(|k| format!("{k}")).collect();
         let none = vec![0.0; dof];
         let mut residuals = Residuals::new(&names, &none, ORDER);
-        self.visit(&mut |rows, _, left, used| {
+        self.visit(&mut |rows, left, used| {
             if !rows.follows {
                 residuals.interrupt();
             }
@@ -77,13 +58,13 @@ impl FittedColumns<'_> {
 
     /// The scores of the fitted columns.
     fn blocks(&self) -> Result<Blocks, EstimateError> {
-        let mut scores = Scores::new(self.kept.len(), &self.noise()?);
+        let mut scores = Scores::new(self.values.len(), &self.noise()?);
         let ones = vec![1.0; self.data.dof()];
-        self.visit(&mut |rows, w, left, used| {
+        self.visit(&mut |rows, left, used| {
             if !rows.follows {
                 scores.interrupt();
             }
-            scores.push(w, used, left, &ones)
+            scores.push(rows.w, used, left, &ones)
         })?;
         scores.finish(self.values)
     }
@@ -107,12 +88,12 @@ impl FittedColumns<'_> {
         let mut scores = Scores::new(n, &self.noise()?);
         let ones = vec![1.0; dof];
         let mut orthonormal = vec![0.0; n * dof];
-        self.visit(&mut |rows, w, left, used| {
+        self.visit(&mut |rows, left, used| {
             if !rows.follows {
                 scores.interrupt();
             }
             // each row solves `row R = w`
-            orthonormal.copy_from_slice(w);
+            orthonormal.copy_from_slice(rows.w);
             for (j, column) in factor.r().chunks_exact(n.max(1)).enumerate() {
                 let (before, rest) = orthonormal.split_at_mut(j * dof);
                 let own = &mut rest[..dof];
@@ -145,15 +126,13 @@ impl FrictionData {
     /// # Errors
     /// When sizes do not fit, or the filter does not suit the samples.
     pub(crate) fn linear_scores(&self, values: &[f64]) -> Result<Blocks, EstimateError> {
-        let all: Vec<usize> = (0..values.len()).collect();
         let fitted = FittedColumns {
             data: self,
             columns: FrictionColumns {
                 laws: &self.linear_laws(),
                 shapes: &[],
-                behind: Behind::Slopes,
+                has_slopes: false,
             },
-            kept: &all,
             values,
         };
         fitted.blocks()
@@ -174,7 +153,7 @@ impl FrictionData {
         let columns = FrictionColumns {
             laws: &self.linear_laws(),
             shapes: &[],
-            behind: Behind::Slopes,
+            has_slopes: false,
         };
         let mut scores = vec![0.0; factor.columns()];
         let mut held = self.held().chunks_exact(dof.max(1));
@@ -196,7 +175,7 @@ mod tests {
     use super::*;
     use regen_runtime::Friction;
 
-    /// An arctangent that hardly bends has nearly the column of viscous friction, and so has its slope.
+    /// An arctangent that hardly bends has nearly the column of viscous friction.
     #[test]
     fn nearly_equal_columns_leave_the_deviations_of_all_others_as_they_are() {
         let joint = FrictionJoint {
@@ -211,29 +190,25 @@ mod tests {
             let tau = 2.0 * a + 1.5 * v.signum() + 3.0 * v + noise;
             data.push(&[a], &[tau], &[v], &[1.0], &[1.0]).unwrap();
         }
-        let (laws, shapes) = ([Friction::Atan], [[0.01, 1.0]]);
-        // base, Fc, Fv1, Fv2
-        let values = [2.0, 1.5, 2.9, 1e-5];
-        let whole = data.linearised(&laws, &shapes).unwrap();
-        let whole = whole.with_steps(&values, 3.0).unwrap();
-        let sigmas = |kept: &[usize]| -> Vec<f64> {
-            let factor = whole.select(kept).unwrap();
+        let shapes = [[0.01, 1.0]];
+        let sigmas = |law: Friction| -> Vec<f64> {
+            let factor = data.factor(&[law], &shapes).unwrap();
             let values = factor.solve().unwrap();
             let fitted = FittedColumns {
                 data: &data,
                 columns: FrictionColumns {
-                    laws: &laws,
+                    laws: &[law],
                     shapes: &shapes,
-                    behind: Behind::Steps(&[2.0, 1.5, 2.9, 1e-5], 3.0),
+                    has_slopes: false,
                 },
-                kept,
                 values: &values,
             };
             let found = fitted.deviations(&factor).unwrap();
-            assert!(found.root().iter().all(|x| x.is_finite()), "{kept:?}");
-            (0..kept.len()).map(|k| found.sigma(k)).collect()
+            assert!(found.root().iter().all(|x| x.is_finite()), "{law:?}");
+            (0..values.len()).map(|k| found.sigma(k)).collect()
         };
-        let (all, plain) = (sigmas(&[0, 1, 2, 3, 4]), sigmas(&[0, 1, 2]));
+        // base, Fc, Fv1, Fv2 beside base, Fc, Fv
+        let (all, plain) = (sigmas(Friction::Atan), sigmas(Friction::Linear));
         for (own, plain) in all.iter().zip(&plain).take(2) {
             assert!((0.5..2.0).contains(&(own / plain)), "{all:?} {plain:?}");
         }

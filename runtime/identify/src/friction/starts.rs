@@ -1,4 +1,4 @@
-//! The shapes from which the search for a friction law's shape starts.
+//! The shapes that a friction law may have, and those from which the search for them starts.
 
 use regen_runtime::Friction;
 use regen_runtime::friction::SHAPES;
@@ -23,8 +23,32 @@ const POWER: [[f64; SHAPES]; STARTS] =
 const LUGRE: [[f64; SHAPES]; STARTS] =
     [[0.1, 1.0], [0.03, 1.0], [0.3, 1.0], [0.01, 1.0], [1.0, 1.0]];
 
-/// The shape of start number `which` in SI units; `fastest` is the highest velocity.
-pub(super) fn start(law: Friction, which: usize, fastest: f64) -> [f64; SHAPES] {
+/// The exponents of velocities that a law may have: measured ones are between 0.5 and 2 (Armstrong-Helouvry, Dupont and
+/// Canudas de Wit, Automatica 30(7), 1994).
+const EXPONENTS: (f64, f64) = (0.25, 4.0);
+
+/// The range of each shape parameter in SI units: velocities are those at which the joint moves.
+///
+/// - `slowest`, `fastest`: the velocity below which few samples are, and the highest one.
+pub(super) fn ranges(law: Friction, slowest: f64, fastest: f64) -> [(f64, f64); SHAPES] {
+    let mut out = [(1.0, 1.0); SHAPES];
+    for (range, symbol) in out.iter_mut().zip(law.shape_symbols()) {
+        *range = match *symbol {
+            "vs" => (slowest, fastest),
+            "Fv3" => (1.0 / fastest, 1.0 / slowest),
+            _ => EXPONENTS,
+        };
+    }
+    out
+}
+
+/// The shape of start number `which` in SI units, within its ranges; `fastest` is the highest velocity.
+pub(super) fn start(
+    law: Friction,
+    which: usize,
+    fastest: f64,
+    ranges: &[(f64, f64); SHAPES],
+) -> [f64; SHAPES] {
     let starts = match law {
         Friction::Stribeck => &STRIBECK,
         Friction::Atan => &ATAN,
@@ -46,5 +70,16 @@ pub(super) fn start(law: Friction, which: usize, fastest: f64) -> [f64; SHAPES] 
             _ => {}
         }
     }
-    shape
+    within(ranges, shape)
+}
+
+/// The shape, moved into its ranges.
+pub(super) fn within(ranges: &[(f64, f64); SHAPES], shape: [f64; SHAPES]) -> [f64; SHAPES] {
+    let mut out = shape;
+    for (value, (lowest, highest)) in out.iter_mut().zip(ranges) {
+        if lowest < highest {
+            *value = value.clamp(*lowest, *highest);
+        }
+    }
+    out
 }

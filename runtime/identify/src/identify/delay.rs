@@ -72,11 +72,15 @@ impl Delay {
 
     /// Compares the delay with that of slower motion.
     fn compare(&mut self, slower: &Self) {
-        let side = self.seconds.signum();
-        let (all, left) = (self.seconds.abs(), slower.seconds * side);
-        let error = self.sigma.hypot(slower.sigma);
-        let contradicts = left < 0.5 * all && all - left > CONTRADICTION_DEVIATIONS * error;
+        let contradicts = self.is_contradicted_by(slower);
         self.slower = (self.may_be_more_than_chance() && contradicts).then_some(slower.seconds);
+    }
+
+    /// Whether another estimate of the delay is less than half as long, by more than both deviations explain.
+    pub(crate) fn is_contradicted_by(&self, other: &Self) -> bool {
+        let (all, left) = (self.seconds.abs(), other.seconds * self.seconds.signum());
+        let error = self.sigma.hypot(other.sigma);
+        left < 0.5 * all && all - left > CONTRADICTION_DEVIATIONS * error
     }
 }
 

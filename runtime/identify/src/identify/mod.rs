@@ -36,7 +36,9 @@ pub use passes::{
     Identified, Options, Source, errors_of_prediction, identify, identify_linearised, observe,
     residuals,
 };
-pub(crate) use passes::{identify_and_store, identify_with_columns, observe_with_columns};
+pub(crate) use passes::{
+    identify_and_store, identify_with_columns, observe_weighed, observe_with_columns,
+};
 pub use recorded::Recorded;
 pub(crate) use replay::Replay;
 pub(crate) use residual_passes::samples_per_independent_one;

@@ -118,6 +118,10 @@ pub struct Identified {
     pub left_out: LeftOut,
     /// The delays of the logged efforts behind the motion; none for energy balances.
     pub delays: Delays,
+    /// The deviation of static friction over that of the other errors of each effort, by which equations beside
+    /// rests are weighed; none where they are not.
+    #[serde(skip)]
+    pub(crate) static_friction: Vec<f64>,
 }
 
 impl Identified {
@@ -139,6 +143,20 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let mut replay = Replay::new(model, kind, source).once();
     let set = reduce(&mut replay)?;
     Ok((set, replay.left_out().clone()))
+}
+
+/// As [`observe`], with equations that are weighed by static friction.
+///
+/// - `static_friction`: see [`Identified::static_friction`].
+pub(crate) fn observe_weighed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    kind: EquationKind,
+    source: &mut S,
+    static_friction: &[f64],
+) -> Result<FactorSet, S::Error> {
+    let mut replay = Replay::new(model, kind, source).once();
+    replay.set_static_friction(static_friction.to_vec());
+    reduce(&mut replay)
 }
 
 /// Reduces a log to one QR factor for each effort.
@@ -271,7 +289,7 @@ pub(crate) fn identify_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Siz
     identify_replayed(&mut replay, options, true)
 }
 
-/// As [`observe`] from the equations of motion, with further parameters behind the base parameters.
+/// As [`observe_weighed`] from the equations of motion, with further parameters behind the base parameters.
 ///
 /// - `columns`, `labels`: those of the further parameters, as many.
 pub(crate) fn observe_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
@@ -279,9 +297,12 @@ pub(crate) fn observe_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Size
     source: &mut S,
     columns: Box<dyn Columns + '_>,
     labels: &[String],
+    static_friction: &[f64],
 ) -> Result<FactorSet, S::Error> {
     super::require("labels", columns.count(), labels.len())?;
-    reduce(&mut Replay::with_parameters(model, source, columns, labels).once())
+    let mut replay = Replay::with_parameters(model, source, columns, labels).once();
+    replay.set_static_friction(static_friction.to_vec());
+    reduce(&mut replay)
 }
 
 /// A step of Gauss's and Newton's method: identifies base parameters from the equations
@@ -459,10 +480,11 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut delays = (with_delays && options.finds_delays)
         .then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
-    let (errors, noise) = noise_of(replay, options, &estimate, &means, delays.as_mut())?;
-    let efforts = errors.efforts();
     // the equations with the weights of the efforts, but without Huber's
     let effort_weighted = plain.combined(&weights)?;
+    let given = (&effort_weighted, means.as_slice());
+    let (errors, noise) = noise_of(replay, options, &estimate, given, delays.as_mut())?;
+    let efforts = errors.efforts();
     let rows = efforts.iter().map(|e| e.samples).max().unwrap_or(0);
     let given_bandwidth = options.hac_bandwidth.map(|b| b.clamp(1, rows.max(1)));
     let bandwidth = given_bandwidth.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
@@ -520,6 +542,7 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         blocks,
         left_out,
         delays,
+        static_friction: replay.static_friction().to_vec(),
     })
 }
 

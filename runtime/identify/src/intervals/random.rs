@@ -53,7 +53,7 @@ impl Random {
     }
 
     /// A uniform number between 0 and 1, neither included.
-    fn part(&mut self) -> f64 {
+    pub(crate) fn part(&mut self) -> f64 {
         ((self.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
     }
 
@@ -69,7 +69,7 @@ impl Random {
     /// As many draws as there are parameters have orthogonal directions, uniformly distributed:
     /// each draw alone is distributed as without that, and together they scatter alike in all
     /// directions, so that a standard deviation varies less.
-    pub(super) fn steps(
+    pub(crate) fn steps(
         &mut self,
         deviations: &Deviations,
         n: usize,

@@ -144,28 +144,45 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
         return Ok(Lateness::None);
     };
     let (cutoff, rate) = (chosen.cutoff, basis.rate());
-    let found = if let Method::Fourier { .. } = choice.method() {
-        let reading = choice.applied(&session.reading);
-        let mut logs = Logs::open(session.model, &choice.runs(runs), &reading)?;
-        fitted(session, &mut logs, true)?
-    } else {
+    let levels = basis.logs.noise_levels();
+    let behind = |cutoff: f64| {
         let method = Method::Butterworth {
             order: ORDER,
             cutoff,
         };
         let [every, decimation] = rates(rate, cutoff);
         let thinned = basis.logs.thinned(method, every, decimation)?;
-        let levels = basis.logs.noise_levels();
-        fitted(
-            session,
-            &mut NoisyLogs::new(&thinned, &levels, cutoff),
-            true,
-        )?
+        let mut noisy = NoisyLogs::new(&thinned, &levels, cutoff);
+        fitted(session, &mut noisy, true)
+    };
+    let is_series = matches!(choice.method(), Method::Fourier { .. });
+    let found = if let Method::Fourier { .. } = choice.method() {
+        let reading = choice.applied(&session.reading);
+        let mut logs = Logs::open(session.model, &choice.runs(runs), &reading)?;
+        fitted(session, &mut logs, true)?
+    } else {
+        behind(cutoff)?
     };
     let is_long = |own: &Delay| own.seconds.abs() * rate > MIN_DELAY_ROWS;
     let (each, common) = (&found.delays.efforts, &found.delays.common);
     let is_beyond = |own: &Delay, deviations: f64| own.seconds.abs() > deviations * own.sigma;
-    let certain = each.iter().filter(|own| own.is_significant());
+    let is_common_certain =
+        (common.as_ref()).is_some_and(|own| is_beyond(own, MIN_COMMON_DEVIATIONS));
+    // a filter that bends the motion makes delays too, which are others behind a higher cutoff
+    let higher = basis
+        .higher_cutoff()
+        .filter(|_| !is_series && (is_common_certain || each.iter().any(Delay::is_significant)));
+    let higher = match higher.map(behind) {
+        Some(Err(error)) if is_undetermined(&error) => None,
+        Some(found) => Some(found?.delays),
+        None => None,
+    };
+    let lasts = |own: &Delay, all: &[Delay]| {
+        let mut others = all.iter().filter(|other| other.effort == own.effort);
+        others.all(|other| !own.is_contradicted_by(other))
+    };
+    let lasts_behind = |own: &Delay| (higher.as_ref()).is_none_or(|all| lasts(own, &all.efforts));
+    let certain = (each.iter()).filter(|own| own.is_significant() && lasts_behind(own));
     let mut signs: Vec<bool> = certain.clone().map(|own| own.seconds > 0.0).collect();
     signs.dedup();
     if signs.len() > 1 {
@@ -179,7 +196,9 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     let is_common = common.as_ref().is_some_and(|all| {
         let agrees =
             |own: &Delay| (own.seconds - all.seconds).abs() <= MAX_APART_DEVIATIONS * own.sigma;
-        is_beyond(all, MIN_COMMON_DEVIATIONS)
+        let other = higher.as_ref().and_then(|own| own.common.as_ref());
+        is_common_certain
+            && other.is_none_or(|other| !all.is_contradicted_by(other))
             && all.slower.is_none()
             && is_long(all)
             && each.iter().all(agrees)

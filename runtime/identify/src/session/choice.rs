@@ -477,6 +477,12 @@ impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
         self.search.trials.get(place)
     }
 
+    /// The next cutoff above that of [`trial`](Self::trial), Hz, if one was tried.
+    pub(super) fn higher_cutoff(&self) -> Option<f64> {
+        let (_, place) = self.search.chosen?;
+        Some(self.search.trials.get(place + 1)?.cutoff)
+    }
+
     /// The chosen filter; `None` if no cutoff determines the parameters.
     fn choice(&self) -> Option<Choice> {
         let (cutoff, _) = self.search.chosen?;
@@ -607,7 +613,11 @@ fn search<M: BaseModel<f64> + ?Sized>(
         // the errors of efforts are those in the data of the best cutoff
         for _ in 0..2 {
             errors = all_errors(&trials, best);
+            let before = best;
             best = lowest(&errors);
+            if best == before {
+                break;
+            }
         }
         let sum = |k: usize| {
             errors
@@ -674,13 +684,18 @@ pub(super) fn trial<M: BaseModel<f64> + ?Sized>(
     } else {
         // Huber's weights are of the equations, those of the bias of the efforts alone
         let without = (session.options.huber.is_none()).then_some(&found.factor);
-        let found = noisy.bias(without, found.deviations.within_runs(), |logs| {
-            weighted(session, &weights, !is_linear, logs)
+        let biased = noisy.bias(without, found.deviations.within_runs(), |logs| {
+            weighted(
+                session,
+                (&weights, &found.static_friction),
+                !is_linear,
+                logs,
+            )
         });
-        let found = found?;
-        correction = Some(found.correction);
-        signal = found.signal;
-        found.changes
+        let biased = biased?;
+        correction = Some(biased.correction);
+        signal = biased.signal;
+        biased.changes
     };
     let correction = correction.unwrap_or_else(|| vec![0.0; found.estimate.values.len()]);
     let pairs = found.estimate.values.iter().zip(&correction);

@@ -38,7 +38,7 @@ pub use loads::{LoadedFits, gain_options, loaded_residuals, with_gains};
 pub(crate) use physical::{describe_draws, describe_fit, drawn_interval, unbounded};
 pub use physical::{physical, scale};
 pub use reduction::{adopt, reduction};
-pub use start::{LeastSquaresStart, from_factors, from_logs, with_friction};
+pub use start::{LeastSquaresStart, delay_changes, from_factors, from_logs, with_friction};
 pub use watch::{Monitor, MonitoredLogs, Silent};
 
 /// Model and settings that all steps of an identification share.

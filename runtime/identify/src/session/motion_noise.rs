@@ -14,7 +14,7 @@ use regen_runtime::BaseModel;
 use crate::data::{DataError, Logs, NoiseLevels};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::friction::observe_linear_friction;
-use crate::identify::{Filtering, Source, StateSample, observe};
+use crate::identify::{Filtering, Source, StateSample, observe_weighed};
 use crate::signals::Method;
 
 use super::Session;
@@ -316,6 +316,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
 
 /// The factor of logs with given weights of the efforts.
 ///
+/// - `static_friction`: see [`Identified::static_friction`](crate::identify::Identified), that of the estimate;
 /// - `with_friction`: whether joints with nonlinear friction have columns of linear friction, behind the
 ///   base parameters.
 ///
@@ -323,14 +324,14 @@ impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
 /// When the logs cannot be read.
 pub(super) fn weighted<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    weights: &[f64],
+    (weights, static_friction): (&[f64], &[f64]),
     with_friction: bool,
     logs: &mut NoisyLogs<'_, M>,
 ) -> Result<QrFactor, DataError> {
     let set = if with_friction {
-        observe_linear_friction(session.model, logs)?
+        observe_linear_friction(session.model, logs, static_friction)?
     } else {
-        observe(session.model, session.kind, logs)?.0
+        observe_weighed(session.model, session.kind, logs, static_friction)?
     };
     Ok(set.combined(weights)?)
 }
@@ -347,7 +348,7 @@ const OF_DIFFERENCES: f64 = 0.35;
 /// By how much noise of the motion biases the parameters of a fit to logs, as they are read; `None` where
 /// no motion is differentiated, or the part of the logs that fits into memory does not determine them.
 ///
-/// - `weights`: those of the efforts; `covariance`: that of the parameters, n x n;
+/// - `weights`, `static_friction`: those of the efforts, see [`weighted`]; `covariance`: that of the parameters, n x n;
 /// - `with_friction`: whether joints with nonlinear friction have linear friction in the fit.
 ///
 /// # Errors
@@ -355,11 +356,12 @@ const OF_DIFFERENCES: f64 = 0.35;
 pub(super) fn motion_bias<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &Logs<'_, M>,
-    weights: &[f64],
+    (weights, static_friction): (&[f64], &[f64]),
     covariance: &[f64],
     with_friction: bool,
 ) -> Result<Option<MotionBias>, DataError> {
-    let factor = |logs: &mut NoisyLogs<'_, M>| weighted(session, weights, with_friction, logs);
+    let given = (weights, static_friction);
+    let factor = |logs: &mut NoisyLogs<'_, M>| weighted(session, given, with_friction, logs);
     // few equations determine the parameters only with all of them
     for decimates in [true, false] {
         let noisy = NoisyLogs::of_read(logs, decimates);
@@ -400,6 +402,7 @@ pub(super) fn is_undetermined(error: &DataError) -> bool {
                 EstimateError::Undetermined { .. }
                     | EstimateError::TooShort { .. }
                     | EstimateError::NoConvergence
+                    | EstimateError::NoEfforts
                     | EstimateError::Signal(_)
             )
     )

@@ -173,7 +173,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
                 friction: spread.joints.iter().map(of_joint).collect(),
                 bias: Vec::new(),
                 method: format!(
-                    "linearised at the optimum; {}{short}{filter}",
+                    "shapes of friction drawn by their likelihood; {}{short}{filter}",
                     describe_draws(spread.replicates, &spread.deviations.in_words())
                 ),
             }

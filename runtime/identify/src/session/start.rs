@@ -168,7 +168,11 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         }
         EquationKind::Energy { .. } => "",
     };
-    let late = add_delay_error(&session.reading, &mut identified);
+    let late = delay_changes(&session.reading, &identified.delays);
+    let is_late = identified.delays.are_significant();
+    for change in &late {
+        add_change(change, &mut identified);
+    }
     let motion = add_motion_noise(session, logs, &mut identified)?;
     let noise_note = match &motion {
         Some(own) if own.is_mentioned => MOTION_NOISE,
@@ -188,10 +192,8 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     if let Some(own) = motion {
         (start.intervals.bias, start.correction) = (own.size, own.correction);
     }
-    let columns = start.intervals.bias.len().max(late.len());
-    start.intervals.bias.resize(columns, 0.0);
-    for (bias, change) in start.intervals.bias.iter_mut().zip(&late) {
-        *bias = bias.hypot(*change);
+    if is_late {
+        add_bias(&late, &mut start.intervals.bias);
     }
     Ok(LeastSquaresStart {
         kind: kind.name(),
@@ -201,26 +203,30 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Adds to the deviations what the delays move that the equations still have, and the errors of those that were
-/// found from the same logs. Returns what makes values biased: nothing where all that is left may be chance.
-fn add_delay_error(reading: &Settings, identified: &mut Identified) -> Vec<f64> {
-    let found = &identified.delays;
+/// By how much delays move the parameters, SI: the errors of those that were found from the same logs and
+/// corrected, and last what the equations still have.
+pub fn delay_changes(reading: &Settings, found: &Delays) -> Vec<Vec<f64>> {
     // a single value of all efforts has one cause
     let mut pairs = reading.delays.windows(2);
     let is_one = reading.delays.len() == found.efforts.len()
         && found.efforts.len() > 1
         && pairs.all(|own| matches!(own, [(_, a), (_, b)] if a.to_bits() == b.to_bits()));
-    let errors = match (reading.are_delays_found, is_one) {
+    let mut changes = match (reading.are_delays_found, is_one) {
         (false, _) => Vec::new(),
         (true, true) => vec![found.common_change.clone()],
         (true, false) => found.changes.clone(),
     };
-    let left = found.left_change(reading.are_delays_found && !is_one);
-    let is_biased = found.are_significant();
-    for change in errors.iter().chain([&left]) {
-        add_change(change, identified);
+    changes.push(found.left_change(reading.are_delays_found && !is_one));
+    changes
+}
+
+/// Adds what delays that are beyond chance bias, the last of their changes, to the biases of the parameters.
+fn add_bias(late: &[Vec<f64>], biases: &mut Vec<f64>) {
+    let left = late.last().map_or(&[][..], Vec::as_slice);
+    biases.resize(biases.len().max(left.len()), 0.0);
+    for (bias, change) in biases.iter_mut().zip(left) {
+        *bias = bias.hypot(*change);
     }
-    if is_biased { left } else { Vec::new() }
 }
 
 /// Adds what something moves, whose size is known and whose sign is not, to the deviations.
@@ -254,7 +260,8 @@ fn add_motion_noise<M: BaseModel<f64> + ?Sized>(
     let efforts = identified.estimate.efforts.iter();
     let weights: Vec<f64> = efforts.map(|e| e.weight).collect();
     let covariance = identified.deviations.covariance.clone();
-    let found = motion_bias(session, logs.logs(), &weights, &covariance, false);
+    let given = (weights.as_slice(), identified.static_friction.as_slice());
+    let found = motion_bias(session, logs.logs(), given, &covariance, false);
     session.watch.finished();
     let Some(bias) = found? else {
         return Ok(None);
@@ -498,6 +505,14 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         }
         residuals = Some(statistics);
     }
+    let delays = {
+        let options = identify::Options {
+            weighting: session.options.weighting,
+            ..identify::Options::default()
+        };
+        super::delays::identified(session, &options, &mut logs)?.delays
+    };
+    let late = delay_changes(&session.reading, &delays);
     let by_noise;
     let (deviations, blocks, sampling_note, changes) = {
         let blocks = data.linear_scores(&estimate.values)?;
@@ -505,7 +520,13 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         let found = blocks.deviations(&factor, &all, &estimate.values, 1.0)?;
         let values = &estimate.values;
         session.watch.phase("adding noise to the motion");
-        let motion = motion_bias(session, logs.logs(), &weights, &found.covariance, true);
+        let motion = motion_bias(
+            session,
+            logs.logs(),
+            (&weights, &[]),
+            &found.covariance,
+            true,
+        );
         session.watch.finished();
         let by_motion = motion?.map(|bias| bias.changes).unwrap_or_default();
         by_noise = if by_motion.is_empty() {
@@ -519,6 +540,13 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         ];
         changes.extend(by_motion);
         let (found, words) = found.with_sampling(&changes);
+        let by_delays = late
+            .iter()
+            .filter(|change| change.iter().any(|x| *x != 0.0));
+        let found = by_delays
+            .clone()
+            .fold(found, |sum, change| sum.with_change(change));
+        changes.extend(by_delays.cloned());
         let add = |blocks: Blocks, change| blocks.with_change(&factor, change);
         let blocks = changes.iter().map(Vec::as_slice).fold(blocks, add);
         (found, blocks, words, changes)
@@ -530,6 +558,9 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     // get their own statistics
     let mut intervals = Intervals::of(&estimate, &estimate_for_intervals, confidence, method);
     intervals.bias = by_noise;
+    if delays.are_significant() {
+        add_bias(&late, &mut intervals.bias);
+    }
     if let Some(statistics) = &residuals {
         let errors_and_weights = statistics.efforts().into_iter().zip(&weights);
         estimate.efforts = errors_and_weights
@@ -557,8 +588,8 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
             .unwrap_or_default(),
         relative_absolute: residuals.as_ref().map(Residuals::relative_absolute),
         left_out: Some(left_out),
-        data: Some(data.with_sampling(&changes)),
-        delays: Delays::default(),
+        data: Some(data.with_changes(&changes)),
+        delays,
         contained: Vec::new(),
         reports: logs.logs().reports().to_vec(),
         correction: Vec::new(),

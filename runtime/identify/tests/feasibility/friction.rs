@@ -30,15 +30,16 @@ pub(crate) fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
 /// the base parameters of a robot.
 pub(crate) fn simulate(robot: &Robot, laws: &[(Friction, &[f64])], noise: f64) -> FrictionData {
     let own: Vec<Friction> = laws.iter().map(|(law, _)| *law).collect();
-    simulate_for(&own, robot, laws, noise)
+    simulate_for(&own, robot, laws, noise, 0)
 }
 
-/// The same data for a fit of other laws.
-fn simulate_for(
+/// The same data for a fit of other laws, with other noise for each seed.
+pub(crate) fn simulate_for(
     fitted: &[Friction],
     robot: &Robot,
     laws: &[(Friction, &[f64])],
     noise: f64,
+    seed: usize,
 ) -> FrictionData {
     let joints: Vec<FrictionJoint> = fitted
         .iter()
@@ -70,7 +71,7 @@ fn simulate_for(
                     .enumerate()
                     .map(|(k, (law, x))| directions[2 * k + i] * force(*law, qd[k], x))
                     .sum();
-                body + friction + noise * ((t * 7919 + i * 31) as f64 * 12.9898).sin()
+                body + friction + noise * rough(t * 7919 + i * 31 + seed * 1_000_003)
             })
             .collect();
         data.push(&w, &tau, &qd, &directions, &[1.0, 1.0]).unwrap();
@@ -167,7 +168,7 @@ proptest! {
         for (truth, noise) in truths.iter().zip([noise, 0.01, 0.01]) {
             let laws = [(Friction::Stribeck, &truth[..]), (Friction::Stribeck, &truth[..])];
             let cost = |law: Friction| {
-                of_robot(&robot, &simulate_for(&[law, law], &robot, &laws, noise)).squared_residual
+                of_robot(&robot, &simulate_for(&[law, law], &robot, &laws, noise, 0)).squared_residual
             };
             let [whole, part] = [Friction::Stribeck, Friction::Lugre].map(cost);
             prop_assert!(whole <= part * (1.0 + 1e-7) + 1e-9, "{truth:?}: {whole} {part}");
@@ -216,4 +217,12 @@ fn weighing_stored_rows_equals_weighing_them_when_they_are_added() {
         filled(&weights).linear_factor().unwrap()
     );
     assert!(later.weigh(&[1.0]).is_err() && later.weigh(&[1.0, 0.0]).is_err());
+}
+
+/// A number from -1 to 1 whose digits look random (SplitMix64), the same on every machine.
+fn rough(k: usize) -> f64 {
+    let mut x = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }

@@ -6,7 +6,7 @@ use regen_identify::friction::{fit, intervals};
 use regen_identify::intervals::{Constrained, LeastSquares, constrained};
 use regen_runtime::Friction;
 
-use crate::friction::{plain, simulate};
+use crate::friction::{plain, simulate, simulate_for};
 use crate::optimum::Random;
 use crate::robots::Robot;
 
@@ -189,4 +189,39 @@ fn nonlinear_friction_has_intervals_at_its_optimum() {
         let (low, high) = spread.interval(0.95);
         assert!(low <= *value && *value <= high);
     }
+}
+
+/// With few slow samples, a high and narrow peak of static friction explains the efforts as well as a low and wide one.
+#[test]
+fn intervals_of_friction_hold_the_truth_where_few_samples_are_slow() {
+    let robot = plain();
+    let stribeck: &[f64] = &[2.0, 3.5, 0.06, 2.0, 1.1];
+    let laws = [(Friction::Stribeck, stribeck)];
+    let options = Options::default();
+    let (combinations, layout) = (&robot.combinations, &robot.layout);
+    let (mut held, mut count) = (0, 0);
+    for seed in 0..8 {
+        let data = simulate_for(&[Friction::Stribeck], &robot, &laws, 0.3, seed);
+        let best = fit(&data, combinations, layout, &options).unwrap();
+        let found = intervals(
+            &data,
+            combinations,
+            layout,
+            &options,
+            &best,
+            40,
+            &mut |_| {},
+        );
+        let found = found.unwrap();
+        for (spread, truth) in found.joints[0].iter().zip(stribeck) {
+            let Some(spread) = spread else {
+                continue;
+            };
+            let (low, high) = spread.interval(0.95);
+            held += usize::from(low <= *truth && *truth <= high);
+            count += 1;
+        }
+    }
+    println!("{held} of {count}");
+    assert!(count >= 32 && 10 * held >= 9 * count, "{held} of {count}");
 }

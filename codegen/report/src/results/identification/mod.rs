@@ -13,7 +13,7 @@ mod warnings;
 pub use delays::{corrected_delays_text, states_delays};
 pub use instruments::Instruments;
 pub use logs::{LogFile, filter_text, resting};
-pub use models::stem;
+pub use models::{error_percent, stem};
 pub use simulated::{EffortsOfLogs, Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};
 pub use summary::{BiasRemedy, EffortSummary, Identification, ModelErrors, Summary, Suspected};

@@ -5,6 +5,15 @@ use std::path::Path;
 use regen_codegen::explain::lines::columns;
 use regen_identify::session::LogError;
 
+/// An error in percent; a dash where it has no meaning, as of an effort that is the same throughout.
+pub fn error_percent(value: f64) -> String {
+    if value.is_finite() {
+        format!("{value:.3}")
+    } else {
+        "-".to_owned()
+    }
+}
+
 /// The table for people: a row for each model, a column for each log.
 pub(super) fn models_text(title: &str, rows: &[(String, &[LogError])]) -> String {
     // the number of logs whose columns fit side by side
@@ -20,7 +29,7 @@ pub(super) fn models_text(title: &str, rows: &[(String, &[LogError])]) -> String
             .iter()
             .map(|(name, logs)| {
                 let figures = logs.iter().skip(block * BLOCK).take(BLOCK);
-                let figures = figures.map(|l| format!("{:.3}", l.relative_absolute));
+                let figures = figures.map(|l| error_percent(l.relative_absolute));
                 std::iter::once(name.clone()).chain(figures).collect()
             })
             .collect();

@@ -9,7 +9,7 @@ use regen_identify::status::{self, Status};
 use regen_identify::text::{figure, figure_of};
 
 use super::delays::delays_text;
-use super::models::models_text;
+use super::models::{error_percent, models_text};
 use super::steps::reduction_text;
 use super::{BiasRemedy, Identification, Simulated, Summary, filter_text, resting};
 
@@ -106,7 +106,7 @@ pub fn identification_text(found: &Identification) -> String {
         let lines: Vec<Vec<String>> = summary
             .cross
             .iter()
-            .map(|c| vec![c.file.clone(), format!("{:.3}", c.relative_absolute)])
+            .map(|c| vec![c.file.clone(), error_percent(c.relative_absolute)])
             .collect();
         out.push_str(&columns(&["log", "eps_RA %"], &lines));
     }
@@ -120,7 +120,7 @@ fn efforts(json: &Summary) -> String {
         .map(|e| {
             let mut line = vec![e.name.clone(), e.equations.to_string(), figure(e.sigma)];
             if let Some(error) = &e.error {
-                line.push(format!("{:.3}", error.relative_absolute));
+                line.push(error_percent(error.relative_absolute));
                 line.push(figure(error.largest));
                 line.push(match error.is_correlated() {
                     None => "unknown".to_owned(),

@@ -7,9 +7,6 @@ use regen_identify::identify::LeftOut;
 use regen_identify::session::LeastSquaresStart;
 use regen_identify::signals::Smoothing;
 
-/// Beyond this eps_RA, percent, an effort differs from its mean by rounding only.
-const CONSTANT_PERCENT: f64 = 1e9;
-
 /// The warning about efforts that the model hardly explains: their columns may be of another joint, in
 /// another unit or dead, however small the standard deviations of the parameters are. `None` where it
 /// explains all.
@@ -43,7 +40,7 @@ pub fn unexplained(errors: &[EffortError], has_friction: bool) -> Option<String>
     let poor = errors.iter().filter(|e| !e.is_explained());
     let names: Vec<String> = poor
         .map(|e| match e.relative_rms {
-            _ if e.relative_absolute > CONSTANT_PERCENT => {
+            _ if e.relative_absolute == f64::INFINITY => {
                 format!("{} (it is the same throughout)", e.name)
             }
             _ if e.misses_change() => {

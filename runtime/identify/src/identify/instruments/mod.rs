@@ -137,6 +137,16 @@ impl Instrumental {
         self.estimate.with_deviations(&self.deviations)
     }
 
+    /// The same with further errors that are the same for all samples, such as those of delays: by how much each
+    /// moves each parameter, in its unit.
+    #[must_use]
+    pub fn with_changes(self, changes: &[Vec<f64>]) -> Self {
+        let deviations = changes
+            .iter()
+            .fold(self.deviations, |sum, own| sum.with_change(own));
+        Self { deviations, ..self }
+    }
+
     /// The number of consecutive samples that carry the information of one independent sample, or the
     /// bandwidth if it was given.
     pub fn correlation_length(&self) -> usize {
