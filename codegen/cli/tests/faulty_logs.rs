@@ -546,13 +546,11 @@ fn the_zero_of_a_position_that_is_not_that_of_the_spec_is_told_with_its_size() {
     for (name, zero) in [("q1", 0.05), ("q3", -0.05)] {
         let text = log.each(name, |_, x| x + zero).text();
         let run = identify(&dir, &text, &[]).ended(0);
-        let (_, told) = run.err.split_once("Subtract ").expect(&run.err);
-        let (size, from) = told.trim().split_once(" from column ").unwrap();
-        assert_eq!(from, format!("`{name}`"));
-        let size: f64 = size.parse().unwrap();
-        assert!((size - zero).abs() < 0.02 * zero.abs(), "{size} {zero}");
-        let mended = log.each(name, |_, x| x + zero - size).text();
-        let run = identify(&dir, &mended, &["--format", "json"]).ended(0);
+        let (_, told) = run.err.split_once(":offset:").expect(&run.err);
+        let size: f64 = told.trim().trim_end_matches('\'').parse().unwrap();
+        assert!((size + zero).abs() < 0.02 * zero.abs(), "{size} {zero}");
+        let option = format!("{name}={name}:offset:{size}");
+        let run = identify(&dir, &text, &["--column", &option, "--format", "json"]).ended(0);
         assert!(
             error_of(&run) < 1.2 * error_of(&clean),
             "{}",

@@ -279,15 +279,7 @@ fn clock_of(sizes: &[f64]) -> Option<(f64, &'static str)> {
     let with_units = units.flat_map(|unit| CLOCKS.map(|(size, name)| (size * unit, (size, name))));
     let plain = CLOCKS.map(|own| (own.0, own));
     let have = |of: f64| sizes.iter().filter(|size| is_near(**size, of)).count();
-    // what is a unit of the velocities alone is one
-    let is_unit = |of: f64| {
-        OF_VELOCITIES
-            .iter()
-            .any(|own| own.0 != 1e3 && is_near(of, own.0))
-    };
-    let mut tried = plain
-        .into_iter()
-        .chain(with_units.filter(|own| !is_unit(own.0)));
+    let mut tried = plain.into_iter().chain(with_units);
     tried
         .find(|(of, _)| 2 * have(*of) > sizes.len())
         .map(|own| own.1)

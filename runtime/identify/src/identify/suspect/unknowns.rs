@@ -5,7 +5,8 @@
 use super::grams::{Fit, Grams, Stored, solve};
 use super::trial::{MAX_CORRELATION_OF_NOISE, correlation};
 use super::{
-    Change, MIN_OFFSET_PART, Measured, Reading, Sample, implausible_count, quality, worst,
+    Change, DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample,
+    implausible_count, quality, worst,
 };
 use regen_runtime::BaseModel;
 
@@ -21,8 +22,10 @@ const MAX_STEPS: usize = 8;
 const MAX_CHANGE: f64 = 0.3;
 /// The part of a number below which a step of it no longer matters.
 const SETTLED: f64 = 1e-3;
-/// The number of unknowns that are computed to the end for each that is added, and of those that are added.
-const TRIED: usize = 2;
+/// The largest number of unknowns that are computed to the end for each that is added, the part of what the first
+/// of them explains that they do, too, and the number of those that are added.
+const TRIED: usize = 4;
+const NEARLY: f64 = 0.8;
 const MOST: usize = 3;
 /// The deviations by which chance would have to explain the errors as well as an unknown does.
 const MIN_DEVIATIONS: f64 = 6.0;
@@ -34,6 +37,8 @@ const MIN_GAIN_OF_MOTION: f64 = 1.5;
 const LEAST_ERROR: f64 = 1e-3;
 /// The largest delay of a position, s; the smallest is a step of the log.
 const MAX_LATE: f64 = 0.5;
+/// The factors by which a rate is looked for: a clock is more exact, and more is another unit.
+const RATES: core::ops::Range<f64> = 1.05..10.0;
 /// Rates of rows are round: one of these times a power of ten, if it is nearer than this part.
 const ROUND: [f64; 9] = [1.0, 1.2, 1.25, 2.0, 2.5, 3.0, 4.0, 5.0, 8.0];
 const MAX_OFF_ROUND: f64 = 0.01;
@@ -93,18 +98,14 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let found = Tried::of(model, sample, all, found.values)?;
     let found = found.stepped(model, sample, all).unwrap_or(found);
     let found = found.rounded(model, sample, all);
-    let of_motion = |own: &&(Unknown, f64)| !matches!(own.0, Unknown::Effort(_));
-    // a motion that is read in another way can explain what has another cause a little
-    let needed = match found.values.iter().find(of_motion) {
-        Some(_) => MIN_GAIN_OF_MOTION,
-        None => 1.0,
-    };
+    let of_motion = |own: &(Unknown, f64)| !matches!(own.0, Unknown::Effort(_));
+    let is_explained = !found.values.iter().any(of_motion) || found.explains(now);
     let count = found.values.len() as f64;
     let is_certain = found.likelihood_gain(now) > count * MIN_DEVIATIONS * MIN_DEVIATIONS;
     let gain = quality(&now.errors) / quality(&found.fit.errors);
     let plausible =
         implausible_count(model, &found.grams, &found.fit) <= implausible_count(model, grams, now);
-    (is_certain && plausible && gain >= needed.max(MIN_GAIN.powf(count)))
+    (is_certain && plausible && is_explained && gain >= MIN_GAIN.powf(count))
         .then(|| found.change(model, sample, now))
 }
 
@@ -237,6 +238,19 @@ impl Tried {
         2.0 * states * (log_errors(before) - log_errors(&self.fit))
     }
 
+    /// Whether each effort that is explained better than before is explained: a motion that is read in another
+    /// way can explain a little of what has another cause.
+    fn explains(&self, before: &Fit) -> bool {
+        let gain = quality(&before.errors) / quality(&self.fit.errors);
+        let mut pairs = self.fit.errors.iter().zip(&before.errors);
+        gain >= MIN_GAIN_OF_MOTION
+            && pairs.all(|(after, before)| {
+                *after < DOUBTED_ERROR
+                    || *before < MIN_GAIN * after
+                    || *before > MIN_GAIN_PER_COLUMN * after
+            })
+    }
+
     fn weights(&self) -> Vec<f64> {
         let pairs = self.fit.errors.iter().zip(&self.fit.spreads);
         pairs
@@ -363,6 +377,8 @@ impl Tried {
             }
         }
         first.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let most = first.first()?.0;
+        first.retain(|(part, _)| *part >= NEARLY * most);
         let mut best: Option<Self> = None;
         for (_, unknown) in first.into_iter().take(TRIED) {
             let mut values = self.values.clone();
@@ -399,7 +415,8 @@ impl Tried {
                 value.abs() > MIN_OFFSET_PART * rms
             }
             Unknown::Late(_) => value > sample.step && value < MAX_LATE,
-            _ => true,
+            Unknown::Rate => RATES.contains(&value.abs().exp()),
+            Unknown::Position(_) => true,
         };
         let less = quality(&self.fit.errors) > MIN_GAIN * quality(&best.fit.errors);
         (matters && less).then_some(best)
