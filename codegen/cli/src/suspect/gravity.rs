@@ -4,7 +4,7 @@ use std::path::Path;
 
 use regen_codegen::Mechanism;
 use regen_codegen::robot::{FunctionKind, Robot};
-use regen_identify::data::Quantity;
+use regen_identify::data::{Assignment, Quantity};
 use regen_identify::identify::suspect::{self, LogColumns, Remedy, Sample, Suspicion, Trial};
 use regen_interpreted::{BaseTerms, Interpreted};
 
@@ -15,7 +15,7 @@ use crate::load;
 const USUAL_GRAVITY: f64 = 9.81;
 /// A gravity that differs by more than this part may be in another unit.
 const USUAL_TOLERANCE: f64 = 0.05;
-/// Gravity is as good an explanation as a constant up to this factor: it has no more unknowns.
+/// Gravity is as good an explanation as numbers that are fitted up to this factor: it has no more unknowns.
 const AS_GOOD: f64 = 1.05;
 /// The largest number of parameters of a robot that is derived again for another gravity.
 const MAX_PARAMETERS: usize = 120;
@@ -78,9 +78,10 @@ pub(super) fn with_spec(
         let Remedy::Read { columns, .. } = &f.remedy else {
             return f.changed;
         };
-        let is_constant = has_gravity && columns.is_empty();
+        let is_number = |c: &Assignment| c.offset != 0.0 || c.quantity == Quantity::Time;
+        let are_numbers = has_gravity && (columns.is_empty() || columns.iter().any(is_number));
         f.changed
-            .map(|changed| changed * if is_constant { AS_GOOD } else { 1.0 })
+            .map(|changed| changed * if are_numbers { AS_GOOD } else { 1.0 })
     });
     let least = of_columns.fold(f64::INFINITY, f64::min);
     if other.changed.is_none_or(|changed| changed >= least) {
@@ -98,7 +99,10 @@ pub(super) fn with_spec(
 /// Whether a log cannot be compared with the spec: its clock or its series is wrong.
 fn prevents(found: &Suspicion) -> bool {
     match &found.remedy {
-        Remedy::Read { columns, .. } => columns.iter().any(|c| c.quantity == Quantity::Time),
+        // a rate that was found by a fit has its errors
+        Remedy::Read { columns, .. } => {
+            found.changed.is_none() && columns.iter().any(|c| c.quantity == Quantity::Time)
+        }
         remedy => *remedy == Remedy::Series,
     }
 }

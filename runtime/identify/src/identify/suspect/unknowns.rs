@@ -6,7 +6,7 @@ use super::grams::{Fit, Grams, Stored, solve};
 use super::trial::{MAX_CORRELATION_OF_NOISE, correlation};
 use super::{
     Change, DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample,
-    implausible_count, quality, worst,
+    implausible_count, worst,
 };
 use regen_runtime::BaseModel;
 
@@ -102,7 +102,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let is_explained = !found.values.iter().any(of_motion) || found.explains(now);
     let count = found.values.len() as f64;
     let is_certain = found.likelihood_gain(now) > count * MIN_DEVIATIONS * MIN_DEVIATIONS;
-    let gain = quality(&now.errors) / quality(&found.fit.errors);
+    let gain = gain_over(now, &found.fit);
     let plausible =
         implausible_count(model, &found.grams, &found.fit) <= implausible_count(model, grams, now);
     (is_certain && plausible && is_explained && gain >= MIN_GAIN.powf(count))
@@ -112,6 +112,11 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
 /// The sum of the logarithms of the errors.
 fn log_errors(fit: &Fit) -> f64 {
     fit.errors.iter().map(|e| e.max(LEAST_ERROR).ln()).sum()
+}
+
+/// The factor by which the product of the errors is smaller.
+fn gain_over(before: &Fit, after: &Fit) -> f64 {
+    (log_errors(before) - log_errors(after)).exp()
 }
 
 /// The unknowns of a log.
@@ -241,7 +246,7 @@ impl Tried {
     /// Whether each effort that is explained better than before is explained: a motion that is read in another
     /// way can explain a little of what has another cause.
     fn explains(&self, before: &Fit) -> bool {
-        let gain = quality(&before.errors) / quality(&self.fit.errors);
+        let gain = gain_over(before, &self.fit);
         let mut pairs = self.fit.errors.iter().zip(&before.errors);
         gain >= MIN_GAIN_OF_MOTION
             && pairs.all(|(after, before)| {
@@ -418,7 +423,7 @@ impl Tried {
             Unknown::Rate => RATES.contains(&value.abs().exp()),
             Unknown::Position(_) => true,
         };
-        let less = quality(&self.fit.errors) > MIN_GAIN * quality(&best.fit.errors);
+        let less = gain_over(&self.fit, &best.fit) > MIN_GAIN;
         (matters && less).then_some(best)
     }
 
