@@ -83,7 +83,7 @@ class SimulateOptions(TypedDict, total=False):
     duration: Value | None
     #: Log the true positions, velocities and accelerations of all coordinates
     exact: bool
-    #: The width of the smoothed sign of Coulomb friction, rad/s or m/s
+    #: The width of the smoothed sign of Coulomb friction, rad/s or m/s [default: 0.001]
     friction_width: Value | None
     #: Time constant of the drives, s
     lag: Value | None
@@ -258,7 +258,7 @@ class IdentifyOptions(TypedDict, total=False):
     fourier: Value | None
     #: Identify the nonlinear friction of the spec (atan, power, stribeck, lugre) together with all other parameters, which are physical (Eq. 29)
     friction: bool
-    #: The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s, of joints; of a drive, the velocity at which its joints reach it
+    #: The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s, of joints; of a drive, the velocity at which its joints reach it [default: 0.001]
     friction_width: Value | None
     #: Residuals beyond K standard deviations count linearly (Huber); 1.345 is usual
     huber: Value | None

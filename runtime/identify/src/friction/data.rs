@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::columns::{FrictionColumns, curved};
+use super::columns::FrictionColumns;
 use super::reduced::{Linearised, Reduced};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
@@ -72,7 +72,7 @@ pub struct FrictionData {
     pub(super) labels: Vec<String>,
     pub(super) joints: Vec<FrictionJoint>,
     pub(super) laws: Vec<Friction>,
-    dof: usize,
+    pub(super) dof: usize,
     pub(super) filtering: Filtering,
     /// The weighted regressor, equation by equation: dof x columns, column by column.
     pub(super) w: Vec<f64>,
@@ -80,16 +80,15 @@ pub struct FrictionData {
     pub(super) tau: Vec<f64>,
     /// The weighted residuals of efforts that the controller holds between rows, see
     /// [`Equations::held`](crate::identify::Equations::held); empty where they are not known.
-    held: Vec<f64>,
+    pub(super) held: Vec<f64>,
     pub(super) weights: Vec<f64>,
-    runs: Vec<Run>,
+    pub(super) runs: Vec<Run>,
     /// Whether the friction of a joint acts on a row at any sample: dof x joints, joint by joint.
     pub(super) acts: Vec<bool>,
-    /// Changes of the base parameters and of the coefficients of friction that sampling, noise of the motion and delays
-    /// leave unknown, SI, each of which counts as a standard deviation.
+    /// See [`with_changes`](Self::with_changes); each counts as a standard deviation.
     pub(super) changes: Vec<Vec<f64>>,
     /// The linear columns after their reduction, from the first factor on.
-    reduced: OnceLock<Arc<Reduced>>,
+    pub(super) reduced: OnceLock<Arc<Reduced>>,
 }
 
 /// Consecutive samples of the motion, unfiltered.
@@ -100,9 +99,9 @@ pub(super) struct Run {
     /// See [`directions`], sample by sample: dof x joints, joint by joint.
     pub(super) directions: Vec<f64>,
     /// For each sample 1, or 0 if it is interpolated across a gap.
-    known: Vec<f64>,
+    pub(super) known: Vec<f64>,
     /// The number of samples whose equations are averaged; 0 stands for 1 as long as there is one sample.
-    averaged: usize,
+    pub(super) averaged: usize,
     /// The indices of the averages that have equations.
     pub(super) equations: Vec<usize>,
 }
@@ -336,17 +335,22 @@ impl FrictionData {
     ///
     /// - `changes`: of the base parameters and of `Fc` and `Fv` of each joint, SI.
     pub(crate) fn with_changes(mut self, changes: &[Vec<f64>]) -> Self {
+        self.changes = changes.to_vec();
+        self
+    }
+
+    /// The same changes, of the base parameters and of the coefficients of these laws.
+    pub(super) fn changes_with(&self, laws: &[Friction]) -> Vec<Vec<f64>> {
         let of_laws = |change: &Vec<f64>| {
             let (base, linear) = change.split_at(change.len().min(self.labels.len()));
             let mut out = base.to_vec();
-            for (law, own) in self.laws.iter().zip(linear.chunks_exact(2)) {
+            for (law, own) in laws.iter().zip(linear.chunks_exact(2)) {
                 let (coefficients, _) = law.of_linear([own[0], own[1]], [1.0; SHAPES]);
                 out.extend(coefficients.iter().take(law.coefficients().len()));
             }
             out
         };
-        self.changes = changes.iter().map(of_laws).collect();
-        self
+        self.changes.iter().map(of_laws).collect()
     }
 
     /// Adds the residuals of held efforts of the last equations, dof entries; none if they are not known.
@@ -453,94 +457,6 @@ impl FrictionData {
             moving.get(one).copied().unwrap_or(fastest)
         };
         self.fastest().into_iter().enumerate().map(of).collect()
-    }
-
-    /// The same equations with the friction of one joint alone: the coefficients of the others count as further
-    /// linear parameters.
-    ///
-    /// - `values`: the base parameters and the coefficients of friction, if the shapes of the others are not known
-    ///   but about these: the steps of their logarithms then count as linear parameters too.
-    pub(super) fn of_joint(
-        &self,
-        joint: usize,
-        laws: &[Friction],
-        shapes: &[[f64; SHAPES]],
-        values: Option<&[f64]>,
-    ) -> Result<Self, EstimateError> {
-        let columns = FrictionColumns {
-            laws,
-            shapes,
-            has_slopes: values.is_some(),
-        };
-        let (dof, r, joints) = (self.dof, self.labels.len(), self.joints.len());
-        let (mut kept, mut steps): (Vec<usize>, Vec<Vec<(usize, f64)>>) = <_>::default();
-        kept.extend(0..r);
-        let (mut column, mut slope) = (r, r + self.coefficients(laws).len());
-        for (k, law) in laws.iter().enumerate() {
-            let count = law.coefficients().len();
-            if k != joint {
-                kept.extend(column..column + count);
-            }
-            for _ in law.shape_symbols() {
-                let own: Vec<(usize, f64)> = (curved(*law).into_iter().zip(slope..))
-                    .map(|(c, place)| {
-                        (
-                            place,
-                            values.and_then(|x| x.get(column + c)).map_or(0.0, |x| *x),
-                        )
-                    })
-                    .collect();
-                slope += own.len();
-                if k != joint && values.is_some() {
-                    steps.push(own);
-                }
-            }
-            column += count;
-        }
-        let mut labels = self.labels.clone();
-        labels.extend(self.coefficients(laws));
-        let mut labels: Vec<String> = kept.iter().map(|c| labels[*c].clone()).collect();
-        labels.extend((0..steps.len()).map(|k| format!("step {k}")));
-        let mut w = Vec::with_capacity(self.len() * dof * labels.len());
-        self.visit(&columns, &mut |rows| {
-            let column = |k: usize| &rows.w[k * dof..(k + 1) * dof];
-            for own in &kept {
-                w.extend_from_slice(column(*own));
-            }
-            for own in &steps {
-                let row = |i: usize| own.iter().map(|(k, x)| x * column(*k)[i]).sum::<f64>();
-                w.extend((0..dof).map(row));
-            }
-            Ok(())
-        })?;
-        let every = |values: &[f64], width: usize| -> Vec<f64> {
-            let groups = values.chunks_exact((joints * width).max(1));
-            let own = groups.map(|all| &all[joint * width..(joint + 1) * width]);
-            own.flatten().copied().collect()
-        };
-        let runs = self.runs.iter().map(|run| Run {
-            times: run.times.clone(),
-            qd: every(&run.qd, 1),
-            directions: every(&run.directions, dof),
-            known: run.known.clone(),
-            averaged: run.averaged,
-            equations: run.equations.clone(),
-        });
-        Ok(Self {
-            labels,
-            joints: vec![self.joints[joint].clone()],
-            laws: vec![laws[joint]],
-            dof,
-            filtering: self.filtering,
-            w,
-            tau: self.tau.clone(),
-            held: Vec::new(),
-            weights: self.weights.clone(),
-            runs: runs.collect(),
-            acts: self.acts[joint * dof..(joint + 1) * dof].to_vec(),
-            changes: Vec::new(),
-            reduced: OnceLock::new(),
-        })
     }
 
     /// The factor of the linear columns and of the coefficients of friction for these shapes.

@@ -1,4 +1,4 @@
-//! Confidence intervals of a fit with nonlinear friction, by linearisation at its optimum.
+//! Confidence intervals of a fit with nonlinear friction, by draws of its shapes and its linear parameters.
 
 use super::FrictionData;
 use super::columns::{FrictionColumns, curved};
@@ -41,8 +41,8 @@ pub struct FrictionIntervals {
 ///
 /// With the shapes of friction at the optimum the equations are linear in the base parameters and in friction's
 /// coefficients, and the covariance of their least-squares parameters accounts for the correlation of the
-/// residuals ([`Deviations`]). The shapes are not known: those of each draw have the distribution that their
-/// likelihood on a grid has, joint by joint, and its parameters are drawn about the best ones for these shapes.
+/// residuals ([`Deviations`]). The shapes are not known: those of each draw are distributed as their likelihood
+/// is, joint by joint, and its parameters are drawn about the best ones for these shapes.
 /// For equations that passed a filter a draw also contains what the filter and the sampling
 /// leave unknown of the velocities near reversals: how far the fit moves with other velocities. What
 /// sampling leaves unknown of the parameters with linear friction is in it too. Draws of these parameters are
@@ -82,7 +82,7 @@ pub fn intervals(
     };
     let deviations = fitted.deviations(&factor)?;
     let mut changes = reversals::changes(data, combinations, layout, options, fit)?;
-    changes.extend_from_slice(&data.changes);
+    changes.extend(data.changes_with(&point.laws));
     let extended = layout.extended(&coefficients)?;
     let combined = combinations.extended(&coefficients);
     let found = LeastSquares {

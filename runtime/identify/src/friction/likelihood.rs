@@ -126,6 +126,10 @@ impl Shapes<'_> {
         random: &mut Random,
         count: usize,
     ) -> Result<Vec<[f64; SHAPES]>, EstimateError> {
+        // exact efforts leave no doubt
+        if noise.is_nan() || noise <= 0.0 {
+            return Ok(vec![known; count]);
+        }
         let grid = self.grid();
         let mut population = Population {
             directions: self.directions(),
@@ -156,7 +160,7 @@ struct Population {
     directions: usize,
     places: Vec<Place>,
     costs: Vec<f64>,
-    /// The number of places of the grid.
+    /// The number of places of the grid; the one that was known beside them makes no difference to the densities.
     of_grid: f64,
     rounds: Vec<Round>,
 }

@@ -7,7 +7,7 @@
 //! coefficient. For each shape, the coefficients and all other parameters are the solution of a
 //! convex programme, so they are eliminated. What remains is a function of the logarithms of the
 //! shape parameters, which is minimised by Gauss-Newton steps with exact derivatives and a trust
-//! region, from several starts. Each step is a cone programme in all unknowns, so that it obeys the
+//! region, from several starts and from the best shapes of a grid. Each step is a cone programme in all unknowns, so that it obeys the
 //! constraints; ready-made nonlinear least-squares solvers do not support them.
 
 mod columns;
@@ -15,6 +15,7 @@ mod data;
 mod fit;
 mod intervals;
 mod likelihood;
+mod one_joint;
 mod passes;
 mod reduced;
 mod residuals;

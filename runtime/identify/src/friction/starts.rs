@@ -27,15 +27,18 @@ const LUGRE: [[f64; SHAPES]; STARTS] =
 /// Canudas de Wit, Automatica 30(7), 1994).
 const EXPONENTS: (f64, f64) = (0.25, 4.0);
 
-/// The range of each shape parameter in SI units: velocities are those at which the joint moves.
+/// Friction may fade at velocities up to so many times the highest one: a part of the peak shows too.
+const BEYOND: f64 = 3.0;
+
+/// The range of each shape parameter in SI units: velocities are those at which the joint moves, or somewhat higher.
 ///
 /// - `slowest`, `fastest`: the velocity below which few samples are, and the highest one.
 pub(super) fn ranges(law: Friction, slowest: f64, fastest: f64) -> [(f64, f64); SHAPES] {
     let mut out = [(1.0, 1.0); SHAPES];
     for (range, symbol) in out.iter_mut().zip(law.shape_symbols()) {
         *range = match *symbol {
-            "vs" => (slowest, fastest),
-            "Fv3" => (1.0 / fastest, 1.0 / slowest),
+            "vs" => (slowest, BEYOND * fastest),
+            "Fv3" => (1.0 / (BEYOND * fastest), 1.0 / slowest),
             _ => EXPONENTS,
         };
     }

@@ -540,13 +540,10 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         ];
         changes.extend(by_motion);
         let (found, words) = found.with_sampling(&changes);
-        let by_delays = late
+        let found = late
             .iter()
-            .filter(|change| change.iter().any(|x| *x != 0.0));
-        let found = by_delays
-            .clone()
             .fold(found, |sum, change| sum.with_change(change));
-        changes.extend(by_delays.cloned());
+        changes.extend(late.iter().filter(|change| !change.is_empty()).cloned());
         let add = |blocks: Blocks, change| blocks.with_change(&factor, change);
         let blocks = changes.iter().map(Vec::as_slice).fold(blocks, add);
         (found, blocks, words, changes)

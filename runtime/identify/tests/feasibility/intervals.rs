@@ -2,7 +2,7 @@
 
 use regen_identify::estimate::{Deviations, Estimate, QrFactor};
 use regen_identify::feasibility::{Options, identify};
-use regen_identify::friction::{fit, intervals};
+use regen_identify::friction::{FrictionData, FrictionFit, FrictionIntervals, fit, intervals};
 use regen_identify::intervals::{Constrained, LeastSquares, constrained};
 use regen_runtime::Friction;
 
@@ -151,6 +151,15 @@ fn a_parameter_that_is_chosen_freely_has_no_interval() {
     }
 }
 
+/// The fit of data with nonlinear friction, and its intervals.
+fn of_friction(robot: &Robot, data: &FrictionData) -> (FrictionFit, FrictionIntervals) {
+    let options = Options::default();
+    let (combinations, layout) = (&robot.combinations, &robot.layout);
+    let best = fit(data, combinations, layout, &options).unwrap();
+    let found = intervals(data, combinations, layout, &options, &best, 60, &mut |_| {}).unwrap();
+    (best, found)
+}
+
 #[test]
 fn nonlinear_friction_has_intervals_at_its_optimum() {
     let robot = plain();
@@ -158,19 +167,7 @@ fn nonlinear_friction_has_intervals_at_its_optimum() {
     let power: &[f64] = &[1.5, 0.9, 2.2, 0.6];
     let laws = [(Friction::Stribeck, stribeck), (Friction::Power, power)];
     let data = simulate(&robot, &laws, 0.05);
-    let options = Options::default();
-    let (combinations, layout) = (&robot.combinations, &robot.layout);
-    let best = fit(&data, combinations, layout, &options).unwrap();
-    let found = intervals(
-        &data,
-        combinations,
-        layout,
-        &options,
-        &best,
-        60,
-        &mut |_| {},
-    )
-    .unwrap();
+    let (best, found) = of_friction(&robot, &data);
     assert_eq!(found.failed, 0);
     let mut covered = 0;
     let joints = found.joints.iter().zip(&best.joints).zip(laws);
@@ -197,22 +194,10 @@ fn intervals_of_friction_hold_the_truth_where_few_samples_are_slow() {
     let robot = plain();
     let stribeck: &[f64] = &[2.0, 3.5, 0.06, 2.0, 1.1];
     let laws = [(Friction::Stribeck, stribeck)];
-    let options = Options::default();
-    let (combinations, layout) = (&robot.combinations, &robot.layout);
     let (mut held, mut count) = (0, 0);
     for seed in 0..8 {
         let data = simulate_for(&[Friction::Stribeck], &robot, &laws, 0.3, seed);
-        let best = fit(&data, combinations, layout, &options).unwrap();
-        let found = intervals(
-            &data,
-            combinations,
-            layout,
-            &options,
-            &best,
-            40,
-            &mut |_| {},
-        );
-        let found = found.unwrap();
+        let (_, found) = of_friction(&robot, &data);
         for (spread, truth) in found.joints[0].iter().zip(stribeck) {
             let Some(spread) = spread else {
                 continue;
