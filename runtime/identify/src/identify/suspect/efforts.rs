@@ -30,6 +30,11 @@ const MAX_SIGNED: usize = 7;
 /// Factors between units: a factor within 10 % of one of them is set to it.
 const UNITS: [f64; 4] = [1e3, 1e-3, 9.806_65, 0.01];
 
+/// A factor that several equations agree on is that of a unit if it differs by less than this factor.
+const MAX_OFF_UNIT: f64 = 1.3;
+/// A factor below this is one that no equation tells.
+const MIN_KNOWN_FACTOR: f64 = 1e-5;
+
 /// A hypothesis on how the efforts are to be read.
 #[derive(Clone)]
 struct Candidate {
@@ -63,6 +68,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         let mut tried = candidates(grams, &read, &offsets, own, &touched, &now);
         if touched.is_empty() {
             tried.extend(orders(grams, own));
+            tried.extend(of_units(grams, own));
         }
         for candidate in tried {
             let Some(fit) = grams.fit(&candidate.read, &candidate.offsets) else {
@@ -83,12 +89,23 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         let Some(mut best) = equivalent.next() else {
             break;
         };
-        // a fit sees only the ratio of two efforts; the nominal bodies tell which of them is wrong
+        // a fit sees only the ratio of two efforts; the nominal bodies tell which of them is wrong, or a unit that
+        // there is
         let weight_of = |fit: &Fit, candidate: &Candidate| {
+            let is_unit = |k: &usize| {
+                let read = candidate.read.get(*k)?;
+                let factor = (read.factor * own.get(read.from)? / own.get(*k)?).abs();
+                Some((factor - 1.0).abs() < 1e-9 || UNITS.contains(&factor))
+            };
+            let odd = candidate
+                .touched
+                .iter()
+                .filter(|k| is_unit(k) == Some(false));
             (
                 implausible_count(model, grams, fit)
                     + judge::contradictions(&facts::nominal(model, grams, &candidate.read)),
                 candidate.touched.len(),
+                odd.count(),
             )
         };
         let mut weight = weight_of(&best.1, &best.2);
@@ -254,6 +271,67 @@ fn orders(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
         }
     }
     out
+}
+
+/// The orders of the efforts with signs and units with which the equations agree; none if that is what they are, or
+/// if other factors than units would be needed.
+fn of_units(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
+    let count = own.len();
+    let same: Vec<usize> = (0..count).collect();
+    let Some(best) = best_order(grams, count) else {
+        return Vec::new();
+    };
+    let mut out = Vec::new();
+    for order in if best == same {
+        vec![same]
+    } else {
+        vec![same, best]
+    } {
+        let units = |one: usize| -> Option<Vec<f64>> {
+            let of = |(k, factor): (usize, &f64)| {
+                let constant = own.get(k)? / own.get(*order.get(k)?)?;
+                Some(constant * unit_near(factor / constant)?)
+            };
+            let found = grams.factors(&order, one)?;
+            found.iter().enumerate().map(of).collect()
+        };
+        let others = |read: &Vec<f64>| read.iter().filter(|f| f.abs() != 1.0).count();
+        // the unit of most efforts is right
+        let Some(factors) = (0..count).filter_map(units).min_by_key(others) else {
+            continue;
+        };
+        for sign in [1.0, -1.0] {
+            let reading = |k: usize| Reading {
+                from: order[k],
+                factor: sign * factors[k],
+                offset: 0.0,
+            };
+            let read: Vec<Reading> = (0..count).map(reading).collect();
+            let plain = Reading::plain(count);
+            let touched: Vec<usize> = (0..count).filter(|k| read[*k] != plain[*k]).collect();
+            // one alone is tried besides
+            if touched.len() > 1 {
+                out.push(Candidate {
+                    needed: MIN_GAIN_PER_COLUMN
+                        .powi(i32::try_from(touched.len()).unwrap_or(i32::MAX)),
+                    offsets: Vec::new(),
+                    read,
+                    touched,
+                });
+            }
+        }
+    }
+    out
+}
+
+/// The factor of a unit, or 1, that a factor is near to, with its sign; 1 where nothing tells it.
+fn unit_near(factor: f64) -> Option<f64> {
+    if factor.abs() < MIN_KNOWN_FACTOR {
+        return Some(1.0);
+    }
+    let near = |unit: &&f64| (1.0 / MAX_OFF_UNIT..MAX_OFF_UNIT).contains(&(factor.abs() / **unit));
+    let unit = [1.0].iter().chain(&UNITS).find(near)?;
+    Some(unit.copysign(factor))
 }
 
 /// All orders of `0..count`.

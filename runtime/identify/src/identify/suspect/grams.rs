@@ -450,6 +450,40 @@ impl Grams {
         (spread > 0.0).then(|| (left / spread).sqrt())
     }
 
+    /// The factors on the efforts, read from the columns of others in this order, with which the equations agree
+    /// best if that of effort `one` is 1; 0 where nothing tells it. `None` where an equation has several efforts.
+    pub(super) fn factors(&self, order: &[usize], one: usize) -> Option<Vec<f64>> {
+        let n = self.columns;
+        let m = n + order.len();
+        let mut gram = vec![0.0; m * m];
+        for i in (0..self.rows()).filter(|i| !self.left_out[*i]) {
+            let own = n + self.only_effort(i)?;
+            let side = n + order.get(own - n)?;
+            let square = self.entry(i, side, side);
+            let mean = self.entry(i, side, self.size(i) - 1);
+            let spread = (square - mean * mean / self.count).max(1e-6 * square);
+            for a in 0..n {
+                for b in 0..=a {
+                    gram[a * m + b] += self.entry(i, a, b) / spread;
+                }
+                gram[own * m + a] -= self.entry(i, side, a) / spread;
+            }
+            gram[own * m + own] += square / spread;
+        }
+        let rest: Vec<usize> = (0..m).filter(|k| *k != n + one).collect();
+        let mut left = vec![0.0; rest.len() * rest.len()];
+        for (a, x) in rest.iter().enumerate() {
+            for (b, y) in rest[..=a].iter().enumerate() {
+                left[a * rest.len() + b] = gram[x * m + y];
+            }
+        }
+        let fixed = |x: &usize| -gram[(*x).max(n + one) * m + (*x).min(n + one)];
+        let right: Vec<f64> = rest.iter().map(fixed).collect();
+        let mut solved = solve(&mut left, &right)?.split_off(n);
+        solved.insert(one, 1.0);
+        Some(solved)
+    }
+
     /// What the base parameters do not explain of a quantity at some states, given equation by equation with
     /// these weights in it.
     pub(super) fn without_parameters(

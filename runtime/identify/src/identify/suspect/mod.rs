@@ -55,6 +55,9 @@ pub struct Sample {
     pub spikes: Vec<Spikes>,
     /// Whether velocities are measured.
     pub has_rates: bool,
+    /// For each measured coordinate the one whose velocity its own is read from, by the names of the columns; empty
+    /// where these are their own.
+    pub rates_of: Vec<usize>,
     /// The efforts that are stated as not measured: indices into `Info::actuated`.
     pub unmeasured: Vec<usize>,
 }
@@ -144,6 +147,12 @@ impl Change {
             after: Vec::new(),
             sign: false,
         }
+    }
+
+    /// Whether it only takes constants from efforts.
+    fn has_constants_only(&self) -> bool {
+        let none = Self::none(self.efforts.len(), self.positions.len());
+        self.efforts == none.efforts && self.positions == none.positions
     }
 
     /// This change, and another one of what is read with it.
@@ -272,6 +281,11 @@ const DOUBTED_ERROR: f64 = 0.1;
 const MIN_GAIN_PER_COLUMN: f64 = 2.0;
 /// The largest number of changes found one after the other.
 const MAX_LOOKS: usize = 4;
+/// Relative errors below this are normal if what is left is noise.
+const MIN_DOUBTED_ERROR: f64 = 0.03;
+/// The factor by which the product of errors must be smaller with other numbers than with columns that are read in
+/// another way.
+const MIN_GAIN_OF_NUMBERS: f64 = 1.5;
 /// The factor by which the product of errors must be smaller without the states that are far off.
 const MIN_GAIN_OF_REST: f64 = 1.2;
 /// The smallest offset that is reported, relative to the rms of its effort.
@@ -346,9 +360,8 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
         best = Some(found);
     }
     if let (Some(grams), Some(now)) = (&grams, &fits) {
-        best = best
-            .or_else(|| efforts::signs(model, grams, now))
-            .or_else(|| unknowns::search(model, sample, grams, now));
+        best = best.or_else(|| efforts::signs(model, grams, now));
+        best = with_numbers(best, || unknowns::search(model, sample, grams, now));
         out.nominal = facts::nominal(model, grams, &read);
         out.driving = facts::driving(model, grams, now);
         if let (None, Some((values, sigmas))) = (&best, estimate) {
@@ -363,6 +376,23 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
     }
     out.change = best;
     out
+}
+
+/// The change, or that of numbers instead if it explains more.
+fn with_numbers(found: Option<Change>, numbers: impl FnOnce() -> Option<Change>) -> Option<Change> {
+    let Some(found) = found else { return numbers() };
+    // a constant is one of several numbers that may be wrong
+    let is_constant = found.has_constants_only();
+    if found.sign || (!is_constant && worst(&found.after) < MIN_DOUBTED_ERROR) {
+        return Some(found);
+    }
+    let needed = if is_constant {
+        1.0
+    } else {
+        MIN_GAIN_OF_NUMBERS
+    };
+    let better = numbers().filter(|own| quality(&own.after) * needed < quality(&found.after));
+    better.or(Some(found))
 }
 
 /// The efforts that are far off in a part of the log, the sample without these states and its sums; `None` if

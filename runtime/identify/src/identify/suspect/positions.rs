@@ -194,6 +194,9 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         let mut fits: Vec<TriedCandidate> = Vec::new();
         let mut tried = candidates(model, sample, own, &positions, &read);
         let is_unexplained = |fit: &Fit| worst(&fit.errors) > UNEXPLAINED_ERROR;
+        if round == 0 {
+            tried.extend(as_rates(sample, &positions, &read));
+        }
         if round == 0 && start.as_ref().is_some_and(is_unexplained) {
             tried.extend(ordered(model, sample, few, &positions, &read));
         }
@@ -374,6 +377,26 @@ fn ordered<M: BaseModel<f64> + ?Sized>(
     let pairs = now.positions.iter().zip(positions);
     now.touched = pairs.filter(|(a, b)| a != b).count();
     (now.touched > 2).then_some(now)
+}
+
+/// The order of positions with which velocities are read from their own columns, if they are not: they were given
+/// others as they are the derivatives, which does not tell which of both are in the wrong order.
+fn as_rates(sample: &Sample, positions: &[Reading], efforts: &[Reading]) -> Option<Candidate> {
+    let own = |k: usize| sample.rates_of.iter().position(|from| *from == k);
+    let order: Option<Vec<usize>> = (0..sample.rates_of.len()).map(own).collect();
+    let order = order?;
+    let read = order.iter().map(|from| positions.get(*from).copied());
+    let read: Option<Vec<Reading>> = read.collect();
+    let touched = order
+        .iter()
+        .enumerate()
+        .filter(|(k, from)| k != *from)
+        .count();
+    (touched > 0).then_some(Candidate {
+        positions: read?,
+        efforts: efforts.to_vec(),
+        touched,
+    })
 }
 
 /// Whether the changed positions explain the efforts of their joints: a fit cannot decide between

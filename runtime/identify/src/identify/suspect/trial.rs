@@ -4,8 +4,8 @@
 use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
 use super::{
-    EffortChange, MIN_EQUATIONS_PER_PARAMETER, Reading, Remedy, STATES, Sample, Suspicion,
-    implausible_count, quality,
+    EffortChange, MIN_DOUBTED_ERROR, MIN_EQUATIONS_PER_PARAMETER, Reading, Remedy, STATES, Sample,
+    Suspicion, implausible_count, quality,
 };
 use regen_runtime::BaseModel;
 
@@ -32,8 +32,6 @@ pub(super) const MAX_CORRELATION_OF_NOISE: f64 = 0.35;
 const MIN_PAIRS: usize = 50;
 /// The number of states of a short trial, unless the parameters need more.
 const FEW_STATES: usize = 150;
-/// What is left of the efforts below this is normal, and no other spec is tried.
-const MIN_DOUBTED_ERROR: f64 = 0.03;
 
 /// How well a model fits a log.
 #[derive(Clone, Debug, PartialEq)]
