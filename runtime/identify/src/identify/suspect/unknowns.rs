@@ -13,9 +13,9 @@ use super::{
 use regen_runtime::{BaseModel, Motion};
 
 /// The number of states at which numbers are compared, unless the parameters need more.
-const STATES: usize = 60;
+const STATES: usize = 100;
 /// How many states are computed before that ends, and for many parameters how many passes over the fewest.
-const MAX_WORK: usize = 2000;
+const MAX_WORK: usize = 3000;
 const MIN_PASSES: usize = 30;
 /// The step by which the effect of a number is differentiated, rad, m or s.
 const STEP: f64 = 1e-4;
