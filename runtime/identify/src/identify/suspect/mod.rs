@@ -281,6 +281,8 @@ const DOUBTED_ERROR: f64 = 0.1;
 const MIN_GAIN_PER_COLUMN: f64 = 2.0;
 /// The largest number of changes found one after the other.
 const MAX_LOOKS: usize = 4;
+/// With a smaller correlation in time, residuals of any size are noise.
+const MAX_CORRELATION_OF_WHITE: f64 = 0.2;
 /// Relative errors below this are normal if what is left is noise.
 const MIN_DOUBTED_ERROR: f64 = 0.03;
 /// The factor by which the product of errors must be smaller with other numbers than with columns that are read in
@@ -355,13 +357,23 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
         fits = Some(now);
     }
     let open = grams.as_ref().is_none_or(|grams| !grams.closes()) || fits.is_none();
-    let wrong = open || worst(&out.errors) > DOUBTED_ERROR || facts::beyond_limits(model, sample);
+    let correlation = match (&grams, &fits) {
+        (Some(grams), Some(now)) => trial::correlation(sample, grams, now),
+        _ => 1.0,
+    };
+    // no motion that is read in another way explains noise
+    let doubted = worst(&out.errors) > DOUBTED_ERROR && correlation > MAX_CORRELATION_OF_WHITE;
+    let wrong = open || doubted || facts::beyond_limits(model, sample);
     if wrong && let Some(found) = positions::search(model, sample, own, open, best.as_ref(), step) {
         best = Some(found);
     }
     if let (Some(grams), Some(now)) = (&grams, &fits) {
         best = best.or_else(|| efforts::signs(model, grams, now));
-        best = with_numbers(best, || unknowns::search(model, sample, grams, now));
+        let is_normal =
+            worst(&now.errors) < MIN_DOUBTED_ERROR && correlation < trial::MAX_CORRELATION_OF_NOISE;
+        if !is_normal && correlation > MAX_CORRELATION_OF_WHITE {
+            best = with_numbers(best, || unknowns::search(model, sample, grams, now));
+        }
         out.nominal = facts::nominal(model, grams, &read);
         out.driving = facts::driving(model, grams, now);
         if let (None, Some((values, sigmas))) = (&best, estimate) {
@@ -383,7 +395,7 @@ fn with_numbers(found: Option<Change>, numbers: impl FnOnce() -> Option<Change>)
     let Some(found) = found else { return numbers() };
     // a constant is one of several numbers that may be wrong
     let is_constant = found.has_constants_only();
-    if found.sign || (!is_constant && worst(&found.after) < MIN_DOUBTED_ERROR) {
+    if found.sign || (!is_constant && worst(&found.after) < DOUBTED_ERROR) {
         return Some(found);
     }
     let needed = if is_constant {

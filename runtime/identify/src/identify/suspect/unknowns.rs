@@ -7,8 +7,8 @@ use super::trial::{MAX_CORRELATION_OF_NOISE, correlation};
 use core::cell::Cell;
 
 use super::{
-    Change, DOUBTED_ERROR, MIN_DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured,
-    Reading, Sample, implausible_count, worst,
+    Change, DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample,
+    implausible_count,
 };
 use regen_runtime::{BaseModel, Motion};
 
@@ -93,10 +93,6 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     grams: &Grams,
     now: &Fit,
 ) -> Option<Change> {
-    let is_noise = correlation(sample, grams, now) < MAX_CORRELATION_OF_NOISE;
-    if worst(&now.errors) < MIN_DOUBTED_ERROR && is_noise {
-        return None;
-    }
     let dof = model.info().dof().max(1);
     let least = (super::MIN_EQUATIONS_PER_PARAMETER * grams.columns()).div_ceil(dof);
     let few = Search {
