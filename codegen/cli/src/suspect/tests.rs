@@ -235,6 +235,22 @@ fn mistakes_in_the_log_of_a_fivebar_are_reported() {
                 &["`tau_q3`", "constant of 2."],
             ),
             (
+                "kgf",
+                log.each(&["tau_q3"], |x| x / 9.806_65),
+                &["`tau_q3`"],
+            ),
+            (
+                "efforts swapped, one of them in N mm",
+                log.swapped("tau_q1", "tau_q3")
+                    .each(&["tau_q1"], |x| -1e3 * x),
+                &["swapped", "`tau_q1`", "mN m", "sign"],
+            ),
+            (
+                "a position shifted by much",
+                log.each(&["q1"], |x| x + 0.5),
+                &["column `q1` looks shifted by 0.5"],
+            ),
+            (
                 "efforts swapped and a constant",
                 log.swapped("tau_q1", "tau_q3")
                     .each(&["tau_q1"], |x| x + 3.0),

@@ -360,16 +360,25 @@ fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {
         let found = units.iter().find(|(size, ..)| is_near(slope, *size));
         found.map(|(_, words, unit)| (*words, *unit))
     };
-    // a column that has a factor already keeps it
+    // a column that has a factor already keeps it, and a unit its sign
     let is_plain = factors
         .iter()
-        .all(|factor| (factor - 1.0).abs() < f64::EPSILON);
+        .all(|factor| (factor.abs() - 1.0).abs() < f64::EPSILON);
+    let sign = |factor: f64| if factor < 0.0 { "*-1" } else { "" };
     let has_units = of.is_empty() && is_plain;
     let (column, words, assignment) =
         if let (Some((words, unit)), true) = (known(&OF_VELOCITIES), has_units) {
-            (velocity, words, format!("{prefix}{name}={velocity}:{unit}"))
+            (
+                velocity,
+                words,
+                format!("{prefix}{name}={velocity}:{unit}{}", sign(factors[1])),
+            )
         } else if let (Some((words, unit)), true) = (known(&OF_POSITIONS), has_units) {
-            (position, words, format!("{of}{name}={position}:{unit}"))
+            (
+                position,
+                words,
+                format!("{of}{name}={position}:{unit}{}", sign(factors[0])),
+            )
         } else {
             return Unfit {
                 why: format!("{head}: a unit or a gear is missing. Read one of them with"),
@@ -388,4 +397,25 @@ fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {
 /// A factor with four significant digits.
 fn figure(factor: f64) -> f64 {
     format!("{factor:.3e}").parse().unwrap_or(factor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::common;
+
+    #[test]
+    fn a_factor_of_most_velocities_is_that_of_the_clock_if_none_is_right() {
+        let of = |slopes: &[f64]| {
+            let all = slopes.iter().copied().enumerate();
+            common(&all.collect::<Vec<_>>())
+        };
+        assert_eq!(of(&[4.0, 4.0]), Some(4.0));
+        // one position is in mm besides
+        assert_eq!(of(&[4.0, 4e-3, 4.0]), Some(4.0));
+        assert_eq!(of(&[4.0, 1.0, 4.0]), None);
+        assert_eq!(of(&[4.0, 3.0]), None);
+        assert_eq!(of(&[4.0]), None);
+        // degrees per second
+        assert_eq!(of(&[57.3, 57.3]), None);
+    }
 }

@@ -295,9 +295,15 @@ fn of_units(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
             let found = grams.factors(&order, one)?;
             found.iter().enumerate().map(of).collect()
         };
+        // a torque constant is that of a motor, so it does not move with the column
+        let constants = |order: &[usize]| -> Option<Vec<f64>> {
+            let of = |(k, from): (usize, &usize)| Some(own.get(k)? / own.get(*from)?);
+            order.iter().enumerate().map(of).collect()
+        };
         let others = |read: &Vec<f64>| read.iter().filter(|f| f.abs() != 1.0).count();
-        // the unit of most efforts is right
-        let Some(factors) = (0..count).filter_map(units).min_by_key(others) else {
+        // the unit of most efforts is right; where factors are none of units, nothing is said of them
+        let known = (0..count).filter_map(units).min_by_key(others);
+        let Some(factors) = known.or_else(|| constants(&order)) else {
             continue;
         };
         for sign in [1.0, -1.0] {
@@ -309,15 +315,23 @@ fn of_units(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
             let read: Vec<Reading> = (0..count).map(reading).collect();
             let plain = Reading::plain(count);
             let touched: Vec<usize> = (0..count).filter(|k| read[*k] != plain[*k]).collect();
-            // one alone is tried besides
-            if touched.len() > 1 {
-                out.push(Candidate {
-                    needed: MIN_GAIN_PER_COLUMN
-                        .powi(i32::try_from(touched.len()).unwrap_or(i32::MAX)),
-                    offsets: Vec::new(),
-                    read,
-                    touched,
-                });
+            // one alone, and a constant alone, are tried besides
+            let plain = Candidate {
+                needed: MIN_GAIN_PER_COLUMN.powi(i32::try_from(touched.len()).unwrap_or(i32::MAX)),
+                offsets: Vec::new(),
+                read,
+                touched,
+            };
+            if !plain.touched.is_empty() {
+                out.extend((0..count).map(|k| Candidate {
+                    needed: MIN_GAIN_PER_COLUMN * plain.needed,
+                    offsets: vec![k],
+                    touched: [plain.touched.as_slice(), &[k]].concat(),
+                    ..plain.clone()
+                }));
+            }
+            if plain.touched.len() > 1 {
+                out.push(plain);
             }
         }
     }

@@ -155,6 +155,18 @@ impl Change {
         self.efforts == none.efforts && self.positions == none.positions
     }
 
+    /// How many numbers it contains that the equations told.
+    fn number_count(&self) -> i32 {
+        let offsets = self.offsets.iter().filter(|own| **own != 0.0).count();
+        let zeros = self
+            .positions
+            .iter()
+            .filter(|own| own.offset != 0.0)
+            .count();
+        let rate = usize::from((self.times - 1.0).abs() > f64::EPSILON);
+        i32::try_from(offsets + zeros + rate + self.late.len()).unwrap_or(i32::MAX)
+    }
+
     /// This change, and another one of what is read with it.
     fn then(&self, next: &Self) -> Self {
         let after = |own: &Reading, first: &[Reading]| {
@@ -285,8 +297,8 @@ const MAX_LOOKS: usize = 4;
 const MAX_CORRELATION_OF_WHITE: f64 = 0.2;
 /// Relative errors below this are normal if what is left is noise.
 const MIN_DOUBTED_ERROR: f64 = 0.03;
-/// The factor by which the product of errors must be smaller with other numbers than with columns that are read in
-/// another way.
+/// The factor by which the product of errors must be smaller with numbers than with columns that are read in another
+/// way, and for each number more.
 const MIN_GAIN_OF_NUMBERS: f64 = 1.5;
 /// The factor by which the product of errors must be smaller without the states that are far off.
 const MIN_GAIN_OF_REST: f64 = 1.2;
@@ -354,6 +366,10 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
     {
         out.errors.clone_from(&now.errors);
         best = efforts::search(model, grams, own, &now);
+        let of_motion = best
+            .as_ref()
+            .and_then(|c| positions::signs(model, sample, c));
+        best = of_motion.or(best);
         fits = Some(now);
     }
     let open = grams.as_ref().is_none_or(|grams| !grams.closes()) || fits.is_none();
@@ -398,12 +414,14 @@ fn with_numbers(found: Option<Change>, numbers: impl FnOnce() -> Option<Change>)
     if found.sign || (!is_constant && worst(&found.after) < DOUBTED_ERROR) {
         return Some(found);
     }
-    let needed = if is_constant {
-        1.0
-    } else {
-        MIN_GAIN_OF_NUMBERS
-    };
-    let better = numbers().filter(|own| quality(&own.after) * needed < quality(&found.after));
+    let better = numbers().filter(|own| {
+        let more = if is_constant {
+            own.number_count() - found.number_count()
+        } else {
+            1
+        };
+        quality(&own.after) * MIN_GAIN_OF_NUMBERS.powi(more) <= quality(&found.after)
+    });
     better.or(Some(found))
 }
 

@@ -2,9 +2,11 @@
 //! millimetres. Each takes a pass over some of the states.
 
 use super::grams::{Fit, Grams, MAX_STEPS};
+use super::unknowns::log_errors;
 use super::{
-    Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_EQUATIONS_PER_PARAMETER,
-    MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, quality, worst,
+    Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_DOUBTED_ERROR,
+    MIN_EQUATIONS_PER_PARAMETER, MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR,
+    implausible_count, quality, worst,
 };
 use crate::identify::{Completed, Completion};
 use regen_runtime::{BaseModel, Motion};
@@ -286,6 +288,75 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         after,
         ..Change::none(plain.len(), 0)
     })
+}
+
+/// A change of the signs of efforts with the signs of positions instead, of all or of one of them, if that explains
+/// more: the motion of one joint alone does not tell one from the other.
+pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    efforts: &Change,
+) -> Option<Change> {
+    let info = model.info();
+    let plain = Reading::plain(efforts.efforts.len());
+    let pairs = efforts.efforts.iter().zip(&plain).enumerate();
+    let turned = |(k, (own, plain)): (usize, (&Reading, &Reading))| -> Option<(usize, usize)> {
+        let flipped = Reading {
+            factor: -1.0,
+            ..*plain
+        };
+        let place = sample
+            .measured
+            .iter()
+            .position(|c| info.actuated.get(k) == Some(c));
+        (*own == flipped).then_some((k, place?))
+    };
+    let turned: Vec<(usize, usize)> = pairs.filter_map(turned).collect();
+    let are_signs = efforts
+        .efforts
+        .iter()
+        .zip(&plain)
+        .filter(|(a, b)| a != b)
+        .count()
+        == turned.len();
+    if turned.is_empty() || !are_signs || worst(&efforts.after) < MIN_DOUBTED_ERROR {
+        return None;
+    }
+    let every = (sample.states.len() / MAX_POSITION_STATES).max(1);
+    let mut tried = vec![turned.clone()];
+    if turned.len() > 1 {
+        tried.extend(turned.iter().map(|own| vec![*own]));
+    }
+    let fit = |positions: &[Reading], read: &[Reading]| {
+        let grams = Grams::of_hypothesis(model, sample, positions, every);
+        grams.filter(Grams::closes)?.fit(read, &[])
+    };
+    let mut least = log_errors(&fit(
+        &Reading::plain(sample.measured.len()),
+        &efforts.efforts,
+    )?);
+    let mut best: Option<Change> = None;
+    for places in tried {
+        let mut positions = Reading::plain(sample.measured.len());
+        let mut read = efforts.efforts.clone();
+        for (effort, place) in places {
+            positions[place].factor = -1.0;
+            read[effort].factor = 1.0;
+        }
+        let Some(fit) = fit(&positions, &read) else {
+            continue;
+        };
+        if log_errors(&fit) + EQUIVALENT_RATIO.ln() < least {
+            least = log_errors(&fit);
+            best = Some(Change {
+                efforts: read,
+                positions,
+                after: fit.errors,
+                ..efforts.clone()
+            });
+        }
+    }
+    best
 }
 
 /// The hypotheses with the smallest product of errors at a few states, in their order.

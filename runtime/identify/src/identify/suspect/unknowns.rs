@@ -23,7 +23,7 @@ const STEP: f64 = 1e-4;
 const MAX_STEPS: usize = 4;
 const MAX_SHORTER: usize = 3;
 /// The largest change of a number in one of them, rad, m or s, and that of the logarithm of a rate.
-const MAX_CHANGE: f64 = 0.3;
+const MAX_CHANGE: f64 = 0.5;
 const MAX_CHANGE_OF_RATE: f64 = 0.8;
 /// A step that reduces the sum of the logarithms of the errors by less is the last.
 const SETTLED: f64 = 0.01;
@@ -47,9 +47,9 @@ const LEAST_ERROR: f64 = 1e-3;
 const MAX_LATE: f64 = 0.5;
 /// The factors by which a rate is looked for: a clock is more exact, and more is another unit.
 const RATES: core::ops::Range<f64> = 1.05..10.0;
-/// Rates of rows are round: one of these times a power of ten, nearer than this part.
+/// Rates of rows are round: one of these times a power of ten, nearer than this part and than chance allows.
 const ROUND: [f64; 10] = [1.0, 1.2, 1.25, 2.0, 2.5, 3.0, 10.0 / 3.0, 4.0, 5.0, 8.0];
-const MAX_OFF_ROUND: f64 = 0.02;
+const MAX_OFF_ROUND: f64 = 0.1;
 /// The distance from a quarter of a turn from which on that is tried, rad.
 const MAX_OFF_QUARTER: f64 = 0.05;
 
@@ -141,7 +141,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
 }
 
 /// The sum of the logarithms of the errors.
-fn log_errors(fit: &Fit) -> f64 {
+pub(super) fn log_errors(fit: &Fit) -> f64 {
     fit.errors.iter().map(|e| e.max(LEAST_ERROR).ln()).sum()
 }
 
@@ -408,7 +408,7 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
                 let step = part * step;
                 own.1 += match own.0 {
                     Unknown::Effort(_) => step,
-                    Unknown::Late(_) => step.clamp(-0.3 * MAX_CHANGE, 0.3 * MAX_CHANGE),
+                    Unknown::Late(_) => step.clamp(-0.2 * MAX_CHANGE, 0.2 * MAX_CHANGE),
                     Unknown::Rate => step.clamp(-MAX_CHANGE_OF_RATE, MAX_CHANGE_OF_RATE),
                     Unknown::Position(_) => step.clamp(-MAX_CHANGE, MAX_CHANGE),
                 };
