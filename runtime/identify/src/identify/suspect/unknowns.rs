@@ -47,9 +47,11 @@ const LEAST_ERROR: f64 = 1e-3;
 const MAX_LATE: f64 = 0.5;
 /// The factors by which a rate is looked for: a clock is more exact, and more is another unit.
 const RATES: core::ops::Range<f64> = 1.05..10.0;
-/// Rates of rows are round: one of these times a power of ten, nearer than this part and than chance allows.
+/// Rates of rows are round: one of these times a power of ten, nearer than the first part, and than chance allows if
+/// not nearer than the second.
 const ROUND: [f64; 10] = [1.0, 1.2, 1.25, 2.0, 2.5, 3.0, 10.0 / 3.0, 4.0, 5.0, 8.0];
 const MAX_OFF_ROUND: f64 = 0.1;
+const MAX_OFF_SURELY: f64 = 0.02;
 /// The distance from a quarter of a turn from which on that is tried, rad.
 const MAX_OFF_QUARTER: f64 = 0.05;
 
@@ -511,7 +513,7 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
     /// Numbers that are nearly round are round; `None` if a rate is not, as then it has another cause.
     fn rounded(&self, from: Tried) -> Option<Tried> {
         let mut values = from.values.clone();
-        let mut has_rate = false;
+        let mut is_doubted_rate = false;
         for (unknown, value) in &mut values {
             match unknown {
                 Unknown::Rate => {
@@ -524,7 +526,7 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
                         return None;
                     }
                     *value = -(near * self.sample.step).ln();
-                    has_rate = true;
+                    is_doubted_rate |= off(&near) > MAX_OFF_SURELY;
                 }
                 Unknown::Position(k) => {
                     let joints = self.model.info().joints;
@@ -544,10 +546,11 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
         }
         let round = self.of(values)?;
         let is_as_likely = from.likelihood_gain(&round.fit) < MAX_DEVIATIONS_OF_ROUND.powi(2);
-        if is_as_likely {
+        let has_rate = from.values.iter().any(|own| own.0 == Unknown::Rate);
+        if is_as_likely || (has_rate && !is_doubted_rate) {
             Some(round)
         } else {
-            (!has_rate).then_some(from)
+            (!is_doubted_rate).then_some(from)
         }
     }
 }
