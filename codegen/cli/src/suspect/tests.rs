@@ -247,8 +247,8 @@ fn mistakes_in_the_log_of_a_fivebar_are_reported() {
             ),
             (
                 "a position shifted by much",
-                log.each(&["q1"], |x| x + 0.3),
-                &["column `q1` looks shifted by 0.3"],
+                log.each(&["q1"], |x| x - 0.15),
+                &["column `q1` looks shifted by -0.14"],
             ),
             (
                 "efforts swapped and a constant",

@@ -387,7 +387,7 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
         best = best.or_else(|| efforts::signs(model, grams, now));
         let is_normal =
             worst(&now.errors) < MIN_DOUBTED_ERROR && correlation < trial::MAX_CORRELATION_OF_NOISE;
-        if !is_normal && correlation > MAX_CORRELATION_OF_WHITE {
+        if !is_normal {
             best = with_numbers(best, || unknowns::search(model, sample, grams, now));
         }
         out.nominal = facts::nominal(model, grams, &read);

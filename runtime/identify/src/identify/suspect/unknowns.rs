@@ -254,7 +254,9 @@ impl Tried {
     /// Twice the logarithm of how much more likely the efforts are than after another fit, where neighbouring
     /// states count as far as they are independent.
     fn likelihood_gain(&self, before: &Fit) -> f64 {
-        let own = self.correlation().min(0.99);
+        // states that are too far apart for it are independent
+        let own = Some(self.correlation()).filter(|own| *own < 1.0);
+        let own = own.unwrap_or(0.0).min(0.99);
         let states = self.grams.stored.len() as f64 * (1.0 - own) / (1.0 + own);
         2.0 * states * (log_errors(before) - log_errors(&self.fit))
     }
