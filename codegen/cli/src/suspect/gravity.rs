@@ -160,11 +160,7 @@ fn best(
         for gravity in group {
             let model = UnderGravity {
                 model,
-                scale: if gravity == base {
-                    1.0
-                } else {
-                    along(gravity, base)
-                },
+                scale: along(gravity, base),
             };
             let is_promising = suspect::short_trial(&model, sample)
                 .is_some_and(|found| found.gain_over(&short).is_some());
@@ -287,10 +283,13 @@ fn is_scaled(gravity: [f64; 3], of: [f64; 3]) -> bool {
     size > 0.0 && pairs.all(|(a, b)| (a - factor * b).abs() < 1e-9 * size)
 }
 
-/// The factor of another gravity along which this one is.
+/// The factor of another gravity along which this one is; 1 if that is none.
 fn along(gravity: [f64; 3], of: [f64; 3]) -> f64 {
     let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    dot(gravity, of) / dot(of, of)
+    match dot(of, of) {
+        0.0 => 1.0,
+        square => dot(gravity, of) / square,
+    }
 }
 
 /// The robot with another gravity, if it can be derived.

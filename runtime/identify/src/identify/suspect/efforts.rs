@@ -300,7 +300,11 @@ fn of_units(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
             let of = |(k, from): (usize, &usize)| Some(own.get(k)? / own.get(*from)?);
             order.iter().enumerate().map(of).collect()
         };
-        let others = |read: &Vec<f64>| read.iter().filter(|f| f.abs() != 1.0).count();
+        let others = |read: &Vec<f64>| {
+            read.iter()
+                .filter(|f| (f.abs() - 1.0).abs() > f64::EPSILON)
+                .count()
+        };
         // the unit of most efforts is right; where factors are none of units, nothing is said of them
         let known = (0..count).filter_map(units).min_by_key(others);
         let Some(factors) = known.or_else(|| constants(&order)) else {
