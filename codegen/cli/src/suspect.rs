@@ -32,9 +32,6 @@ fn with_options(found: suspect::Suspicion) -> Suspected {
                 (false, false) => advice.push(format!("Read it with {options}")),
                 (false, true) => {}
             }
-            if columns.iter().any(|column| column.offset != 0.0) {
-                advice.push("In the experiment file, keep the offsets of these columns".to_owned());
-            }
             advice.join(". ")
         }
         Remedy::Series => "The frequency is not that of the motion, the harmonics are too few, \
@@ -58,7 +55,11 @@ fn option(to: &Assignment) -> String {
         1.0 => String::new(),
         factor => format!("*{factor}"),
     };
-    format!("--column '{}={}{factor}'", to.quantity, to.column)
+    let offset = match to.offset {
+        0.0 => String::new(),
+        offset => format!(":offset:{offset}"),
+    };
+    format!("--column '{}={}{factor}{offset}'", to.quantity, to.column)
 }
 
 /// Prints and returns the suspected mistakes in each log; does nothing with `--no-suspicion`.

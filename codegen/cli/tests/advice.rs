@@ -176,8 +176,8 @@ fn a_weight_that_an_effort_lacks_is_told_with_the_offset_that_takes_it_up() {
         // without a rotor, the mass that is 0 leaves what the acceleration needs
         let words = match rotor {
             "" => [
-                "`tau_q` looks shifted by a constant -186",
-                "give the joint `offset: true`",
+                "`tau_q` contains a constant of -186",
+                "Give `q` `offset: true`",
             ],
             _ => ["is missing in `tau_q`", "Give `q` `offset: true`"],
         };

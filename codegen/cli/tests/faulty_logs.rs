@@ -571,13 +571,11 @@ fn the_zero_of_a_position_that_is_not_that_of_the_spec_is_told_with_its_size() {
     for (name, zero) in [("q1", 0.05), ("q3", -0.05)] {
         let text = log.each(name, |_, x| x + zero).text();
         let run = identify(&dir, &text, &[]).ended(0);
-        let (_, told) = run.err.split_once("Subtract ").expect(&run.err);
-        let (size, from) = told.trim().split_once(" from column ").unwrap();
-        assert_eq!(from, format!("`{name}`"));
-        let size: f64 = size.parse().unwrap();
-        assert!((size - zero).abs() < 0.02 * zero.abs(), "{size} {zero}");
-        let mended = log.each(name, |_, x| x + zero - size).text();
-        let run = identify(&dir, &mended, &["--format", "json"]).ended(0);
+        let (_, told) = run.err.split_once(":offset:").expect(&run.err);
+        let size: f64 = told.trim().trim_end_matches('\'').parse().unwrap();
+        assert!((size + zero).abs() < 0.02 * zero.abs(), "{size} {zero}");
+        let option = format!("{name}={name}:offset:{size}");
+        let run = identify(&dir, &text, &["--column", &option, "--format", "json"]).ended(0);
         assert!(
             error_of(&run) < 1.2 * error_of(&clean),
             "{}",
@@ -692,4 +690,16 @@ fn velocities_of_another_clock_or_order_are_told_with_all_columns() {
     let _ = identify(&dir, &with.swapped("qd_q1", "qd_q3").text(), &options).ended(0);
     let run = identify(&dir, &with.each("t", |_, t| 2.5 * t).text(), &[]).ended(3);
     assert!(run.err.contains("--column 't=t*0.4'"), "{}", run.err);
+    // the equations tell that the positions are those in another order, and not the velocities
+    let faulty = with.swapped("q1", "q3").text();
+    let run = identify(&dir, &faulty, &options).ended(0);
+    let told = ["q1=q3", "q3=q1", "qd_q1=qd_q1", "qd_q3=qd_q3"].map(|a| format!("--column '{a}'"));
+    for option in &told {
+        assert!(run.err.contains(option), "{}", run.err);
+    }
+    let swapped = ["--column", "q1=q3", "--column", "q3=q1", "--format", "json"];
+    let clean = identify(&dir, &with.text(), &["--format", "json"]).ended(0);
+    let mended = identify(&dir, &faulty, &swapped).ended(0);
+    let errors = [error_of(&mended), error_of(&clean)];
+    assert!(errors[0] < 1.01 * errors[1], "{errors:?}");
 }

@@ -16,8 +16,9 @@ implausible: such a log is that of another robot, and no one can tell. All else 
 
 The remedy is what the messages print: assignments of columns, other options, keys of the spec, numbers to subtract.
 All that is printed is applied, and the command asked again, up to `ROUNDS` times. The remedy `works` if then the log
-is as harmless as above; `none` if no message had any to apply. Logs of which a column is lost (constant, doubled, of
-another run) are not counted there.
+is as harmless as above; `nearly` if the error is larger than that but below the noise of the efforts (`--effort`), as
+no log tells a number that is missing exactly, not even to an `offset: true` in its spec; `none` if no message had any
+to apply. Logs of which a column is lost (constant, doubled, of another run) are not counted there.
 """
 
 import argparse
@@ -46,7 +47,7 @@ MOTIONS = ("fourier", "start", "ptp", "sweep")
 NOISE = ("white:1e-5", "white:1e-4", "steps:1e-4")
 ROUNDS = 4
 LOST = {"constant_column", "doubled_column", "other_run"}
-TIMED = 5  # one of so many logs is fitted without the checks, too
+TIMED = 7  # one of so many logs is fitted without the checks, too; no multiple of the number of robots
 # the options of advice that are applied as they are printed
 OPTION = re.compile(
     r"--column (?:'[^']+'|[\w.]+=[\w.:*/^-]*\w)|--(?:problems|outliers|saturated|stuck|gaps|standstill|delay|huber"
@@ -98,13 +99,13 @@ def tells(text, columns, words):
     return named(columns, said) or re.search(words, said) is not None
 
 
-def good(figures, clean):
-    """Whether an answer is as good as that of the log without mistakes."""
+def good(figures, clean, most=0):
+    """Whether an answer is as good as that of the log without mistakes, or its error at most `most` %."""
     if figures is None or clean is None:
         return False
     share = figures["inside"] / max(1, figures["intervals"])
     before = clean["inside"] / max(1, clean["intervals"])
-    return figures["error"] <= defaults.AIM * clean["error"] and share >= before - 0.1
+    return figures["error"] <= max(most, defaults.AIM * clean["error"]) and share >= before - 0.1
 
 
 class Trial:
@@ -191,6 +192,8 @@ def tried(job):
         out |= {"clean": before, "seconds": round(seconds, 3)}
         if clean:
             out |= {"code": code, "says": warned(text)}
+            if seed % TIMED == 0:
+                out["fit_seconds"] = round(ask(["--no-suspicion"])[2], 3)
             return out
         planted = trial.plant(o.kinds)
         if o.keep:
@@ -226,7 +229,8 @@ def tried(job):
                 rounds += 1
                 found, text, _, code = ask([w for words in options.values() for w in words])
                 after = trial.judged(found)
-        out["remedy"] = "works" if good(after, before) else "fails" if rounds else "none"
+        nearly = rounds and good(after, before, 100 * o.effort)
+        out["remedy"] = "works" if good(after, before) else "nearly" if nearly else "fails" if rounds else "none"
         out |= {"rounds": rounds, "options": [w for words in options.values() for w in words], "mended": after}
         if rounds and out["remedy"] == "fails":
             out["says_last"] = warned(text)
@@ -252,14 +256,14 @@ def shown(rows):
         # what is not in the log is mended by no remedy
         whole = [r for r in some if not set(r["kinds"]) & LOST]
         remedy = collections.Counter(r["remedy"] for r in whole if r["verdict"] == "told")
-        tried = remedy["works"] + remedy["fails"]
+        tried = remedy["works"] + remedy["nearly"] + remedy["fails"]
         heard = count["told"] + count["harmless"]
         print(f"{name:26} {len(some):5} {count['told']:6} {count['harmless']:9} {count['traceless']:10} "
               f"{count['silent']:7} {count['hang'] + count['crash']:6}  {share(heard, len(some)):20} "
-              f"{share(remedy['works'], tried):20} {remedy['none']:6}")
+              f"{share(remedy['works'], tried):20} {share(remedy['works'] + remedy['nearly'], tried):20} {remedy['none']:6}")
 
     print(f"{'':26} {'logs':>5} {'told':>6} {'harmless':>9} {'traceless':>10} {'silent':>7} {'crash':>6}  "
-          f"{'told or harmless':20} {'remedy works':20} {'no remedy':>6}")
+          f"{'told or harmless':20} {'remedy works':20} {'or nearly':20} {'no remedy':>6}")
     for kind in mistakes.KINDS:
         some = [r for r in rows if r["kinds"] == [kind.__name__]]
         if some:
@@ -269,10 +273,11 @@ def shown(rows):
         if some:
             line(f"{count} at once", some)
     line("all", rows)
-    ratios = [r["seconds"] / r["fit_seconds"] for r in rows if r.get("fit_seconds")]
-    if ratios:
-        print(f"processor time over that of the fit: median {np.median(ratios):.2f}, most {max(ratios):.2f}, "
-              f"above 2: {share(sum(x > 2 for x in ratios), len(ratios))}")
+    for name, some in (("with mistakes", rows), ("clean", clean)):
+        ratios = [r["seconds"] / r["fit_seconds"] for r in some if r.get("fit_seconds")]
+        if ratios:
+            print(f"processor time over that of the fit, {name}: median {np.median(ratios):.2f}, most {max(ratios):.2f}, "
+                  f"above 2: {share(sum(x > 2 for x in ratios), len(ratios))}")
 
 
 def main():

@@ -4,9 +4,13 @@ use std::path::Path;
 
 use regen_codegen::Mechanism;
 use regen_codegen::robot::{FunctionKind, Robot};
-use regen_identify::data::Quantity;
+use regen_identify::data::{Assignment, Quantity};
 use regen_identify::identify::suspect::{self, LogColumns, Remedy, Sample, Suspicion, Trial};
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_runtime::{
+    Arguments, BaseFunction, BaseInfo, BaseModel, Condition, Function, Info, Model, Parameter,
+    SizeError,
+};
 
 use crate::args::PayloadArg;
 use crate::load;
@@ -15,7 +19,7 @@ use crate::load;
 const USUAL_GRAVITY: f64 = 9.81;
 /// A gravity that differs by more than this part may be in another unit.
 const USUAL_TOLERANCE: f64 = 0.05;
-/// Gravity is as good an explanation as a constant up to this factor: it has no more unknowns.
+/// Gravity is as good an explanation as numbers that are fitted up to this factor: it has no more unknowns.
 const AS_GOOD: f64 = 1.05;
 /// The largest number of parameters of a robot that is derived again for another gravity.
 const MAX_PARAMETERS: usize = 120;
@@ -78,9 +82,10 @@ pub(super) fn with_spec(
         let Remedy::Read { columns, .. } = &f.remedy else {
             return f.changed;
         };
-        let is_constant = has_gravity && columns.is_empty();
+        let is_number = |c: &Assignment| c.offset != 0.0 || c.quantity == Quantity::Time;
+        let are_numbers = has_gravity && (columns.is_empty() || columns.iter().any(is_number));
         f.changed
-            .map(|changed| changed * if is_constant { AS_GOOD } else { 1.0 })
+            .map(|changed| changed * if are_numbers { AS_GOOD } else { 1.0 })
     });
     let least = of_columns.fold(f64::INFINITY, f64::min);
     if other.changed.is_none_or(|changed| changed >= least) {
@@ -98,7 +103,10 @@ pub(super) fn with_spec(
 /// Whether a log cannot be compared with the spec: its clock or its series is wrong.
 fn prevents(found: &Suspicion) -> bool {
     match &found.remedy {
-        Remedy::Read { columns, .. } => columns.iter().any(|c| c.quantity == Quantity::Time),
+        // a rate that was found by a fit has its errors
+        Remedy::Read { columns, .. } => {
+            found.changed.is_none() && columns.iter().any(|c| c.quantity == Quantity::Time)
+        }
         remedy => *remedy == Remedy::Series,
     }
 }
@@ -128,36 +136,160 @@ fn best(
         return out;
     };
     let own = mechanism.gravity();
-    for gravity in others(own) {
-        let Some(robot) = derived(&mechanism, gravity) else {
+    for group in groups(own, has_gravity_only(&info)) {
+        let Some(first) = group.first().copied() else {
             continue;
         };
-        let terms = BaseTerms::new(&robot);
-        let model = Interpreted::with_terms(&robot, &terms);
+        let robot;
+        let terms;
+        let other;
+        let (base, model) = if is_scaled(first, own) && has_gravity_only(&info) {
+            (own, columns.model)
+        } else {
+            let Some(derived) = derived(&mechanism, first) else {
+                continue;
+            };
+            robot = derived;
+            terms = BaseTerms::new(&robot);
+            other = Interpreted::with_terms(&robot, &terms);
+            (first, &other)
+        };
         if model.info().coordinates != info.coordinates {
             continue;
         }
-        let is_promising = suspect::short_trial(&model, sample)
-            .is_some_and(|found| found.gain_over(&short).is_some());
-        let found = is_promising
-            .then(|| suspect::trial(&model, sample))
-            .flatten();
-        let Some(found) = found else {
-            continue;
-        };
-        let better = found.gain_over(&before).is_some()
-            && out
-                .as_ref()
-                .is_none_or(|(_, best, _)| found.is_better_than(best));
-        if better {
-            let what = words(own, gravity);
-            let advice = format!("Give the spec {}, if that is so", key(gravity));
-            let suspicion = columns.other_spec(what, &before, &found, advice);
-            let has_gravity = gravity.iter().any(|g| *g != 0.0);
-            out = Some((suspicion, found, has_gravity));
+        for gravity in group {
+            let model = UnderGravity {
+                model,
+                scale: along(gravity, base),
+            };
+            let is_promising = suspect::short_trial(&model, sample)
+                .is_some_and(|found| found.gain_over(&short).is_some());
+            let found = is_promising
+                .then(|| suspect::trial(&model, sample))
+                .flatten();
+            let Some(found) = found else {
+                continue;
+            };
+            let better = found.gain_over(&before).is_some()
+                && out
+                    .as_ref()
+                    .is_none_or(|(_, best, _)| found.is_better_than(best));
+            if better {
+                let what = words(own, gravity);
+                let advice = format!("Give the spec {}, if that is so", key(gravity));
+                let suspicion = columns.other_spec(what, &before, &found, advice);
+                let has_gravity = gravity.iter().any(|g| *g != 0.0);
+                out = Some((suspicion, found, has_gravity));
+            }
         }
     }
     out
+}
+
+/// A model under a multiple of its gravity: what is left of the regressor at rest is that of gravity.
+struct UnderGravity<'a, 'b> {
+    model: &'a Interpreted<'b>,
+    scale: f64,
+}
+
+impl Model for UnderGravity<'_, '_> {
+    fn info(&self) -> Info<'_> {
+        self.model.info()
+    }
+
+    fn eval(
+        &self,
+        function: Function,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        self.model.eval(function, arguments, out)
+    }
+}
+
+impl BaseModel for UnderGravity<'_, '_> {
+    fn base_info(&self) -> BaseInfo<'_> {
+        self.model.base_info()
+    }
+
+    fn eval_base(
+        &self,
+        function: BaseFunction,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        let condition = self.model.eval_base(function, arguments, out)?;
+        if function != BaseFunction::BaseRegressor || (self.scale - 1.0).abs() < f64::EPSILON {
+            return Ok(condition);
+        }
+        let still = vec![0.0; arguments.q.len()];
+        let mut weights = vec![0.0; out.len()];
+        let at_rest = Arguments {
+            qd: &still,
+            qdd: &still,
+            ..arguments
+        };
+        let _ = self.model.eval_base(function, at_rest, &mut weights)?;
+        let info = self.model.info();
+        let base = self.model.base_info().base;
+        let dof = info.dof().max(1);
+        let columns = out.chunks_mut(dof).zip(weights.chunks(dof));
+        for (parameter, (column, weights)) in base.iter().zip(columns) {
+            // friction stays, whatever it is at rest
+            let mut terms = parameter.terms.iter();
+            if terms.any(|t| {
+                info.parameters
+                    .get(t.index)
+                    .is_some_and(Parameter::is_friction)
+            }) {
+                continue;
+            }
+            for (own, weight) in column.iter_mut().zip(weights) {
+                *own += (self.scale - 1.0) * weight;
+            }
+        }
+        Ok(condition)
+    }
+}
+
+/// Whether nothing but gravity and friction needs an effort at rest.
+fn has_gravity_only(info: &Info<'_>) -> bool {
+    let mut parameters = info.parameters.iter();
+    !parameters.any(|p| p.is_offset() || p.is_spring_or_term())
+}
+
+/// The others, with those together that need one derivation, if multiples of one gravity need no other.
+fn groups(own: [f64; 3], are_multiples_one: bool) -> Vec<Vec<[f64; 3]>> {
+    let mut out: Vec<Vec<[f64; 3]>> = Vec::new();
+    for gravity in others(own) {
+        let same = out.iter_mut().find(|group| {
+            let first = group.first().copied().unwrap_or_default();
+            are_multiples_one
+                && (is_scaled(gravity, first) || (is_scaled(first, own) && is_scaled(gravity, own)))
+        });
+        match same {
+            Some(group) => group.push(gravity),
+            None => out.push(vec![gravity]),
+        }
+    }
+    out
+}
+
+/// Whether a gravity is a multiple of another one.
+fn is_scaled(gravity: [f64; 3], of: [f64; 3]) -> bool {
+    let size = of.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
+    let factor = along(gravity, of);
+    let mut pairs = gravity.iter().zip(of);
+    size > 0.0 && pairs.all(|(a, b)| (a - factor * b).abs() < 1e-9 * size)
+}
+
+/// The factor of another gravity along which this one is; 1 if that is none.
+fn along(gravity: [f64; 3], of: [f64; 3]) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    match dot(of, of) {
+        0.0 => 1.0,
+        square => dot(gravity, of) / square,
+    }
 }
 
 /// The robot with another gravity, if it can be derived.

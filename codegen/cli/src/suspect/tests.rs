@@ -119,11 +119,17 @@ fn assert_reported(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mis
             missed.push(format!("{name}: wanted {words:?}, got:\n{text}"));
             continue;
         }
-        let Some(first) = found.first().filter(|f| f.remedy.starts_with("--column")) else {
+        let options = found
+            .first()
+            .and_then(|first| first.remedy.find("--column"));
+        let Some((first, at)) = found.first().zip(options) else {
             continue;
         };
         let mut settings = settings.clone();
-        for option in first.remedy.split("--column ").filter(|o| !o.is_empty()) {
+        for option in first.remedy[at..]
+            .split("--column ")
+            .filter(|o| !o.is_empty())
+        {
             let given: Assignment = option.trim().trim_matches('\'').parse().unwrap();
             settings.columns.retain(|a| a.quantity != given.quantity);
             settings.columns.push(given);
@@ -226,7 +232,45 @@ fn mistakes_in_the_log_of_a_fivebar_are_reported() {
             (
                 "a constant offset",
                 log.each(&["tau_q3"], |x| x + 2.0),
-                &["`tau_q3`", "constant 2."],
+                &["`tau_q3`", "constant of 2."],
+            ),
+            (
+                "kgf",
+                log.each(&["tau_q3"], |x| x / 9.806_65),
+                &["`tau_q3`"],
+            ),
+            (
+                "efforts swapped, one of them in N mm",
+                log.swapped("tau_q1", "tau_q3")
+                    .each(&["tau_q1"], |x| -1e3 * x),
+                &["swapped", "`tau_q1`", "mN m", "sign"],
+            ),
+            (
+                "a position shifted by much",
+                log.each(&["q1"], |x| x - 0.15),
+                &["column `q1` looks shifted by -0.14"],
+            ),
+            (
+                "efforts swapped and a constant",
+                log.swapped("tau_q1", "tau_q3")
+                    .each(&["tau_q1"], |x| x + 3.0),
+                &["swapped", "constant of"],
+            ),
+            (
+                "a position reversed and shifted",
+                log.each(&["q1"], |x| 0.2 - x),
+                &["`q1`", "sign", "shifted by"],
+            ),
+            (
+                "degrees, a sign and a constant",
+                log.each(&["q1", "q3"], f64::to_degrees)
+                    .each(&["tau_q3"], |x| -2.0 - x),
+                &["degrees", "`tau_q3`", "sign"],
+            ),
+            (
+                "times of another rate",
+                log.each(&["t"], |x| 2.5 * x),
+                &["the rate of the rows looks like"],
             ),
         ],
     );

@@ -116,7 +116,7 @@ class InspectOptions(TypedDict, total=False):
 
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -167,7 +167,7 @@ class ObserveOptions(TypedDict, total=False):
 
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -224,7 +224,7 @@ class IdentifyOptions(TypedDict, total=False):
     butterworth: Value | None
     #: Write the parameters as a C header of initialisers; it includes the robot's header, and compiles with that of this model only
     c: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: The column of a joint's commanded position: NAME=COLUMN, followed by :UNIT and *FACTOR if needed (may be repeated) [default: cmd_NAME]
     command: Values | None
@@ -339,7 +339,7 @@ class ValidateOptions(TypedDict, total=False):
     beside: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -390,7 +390,7 @@ class ReportOptions(TypedDict, total=False):
     against: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None

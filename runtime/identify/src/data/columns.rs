@@ -68,8 +68,8 @@ pub enum ValuesFrom {
     Unmeasured,
 }
 
-/// A user's assignment of a quantity to a column: `QUANTITY=COLUMN[:UNIT][*FACTOR]`, a position that is
-/// the same throughout: `COORDINATE=constant:VALUE[:UNIT]`, or an effort that is not measured:
+/// A user's assignment of a quantity to a column: `QUANTITY=COLUMN[:UNIT][*FACTOR][:offset:VALUE[:UNIT]]`,
+/// whose offset is added in SI or its own unit; a position that is the same throughout: `COORDINATE=constant:VALUE[:UNIT]`, or an effort that is not measured:
 /// `tau_JOINT=unmeasured`.
 ///
 /// Quantities are `t`, a coordinate's name, or the name behind `qd_`, `qdd_` or `tau_`. Units
@@ -89,6 +89,8 @@ pub enum ValuesFrom {
 /// let geared: Assignment = "q2=angle:deg*1/-48".parse()?;
 /// assert_eq!(geared.gain, Some(-1.0 / 48.0));
 /// assert!("q2".parse::<Assignment>().is_err());
+/// let shifted: Assignment = "q2=leg 1:mm*-1:offset:20:mm".parse()?;
+/// assert_eq!((shifted.column.as_str(), shifted.factor, shifted.offset), ("leg 1", -1e-3, 0.02));
 /// let held: Assignment = "q3=constant:90:deg".parse()?;
 /// assert_eq!((held.from, held.offset), (ValuesFrom::Constant, core::f64::consts::FRAC_PI_2));
 /// let unknown: Assignment = "tau_q3=unmeasured".parse()?;
@@ -237,6 +239,10 @@ impl FromStr for Assignment {
         if let Some(found) = without_column(quantity, rest) {
             return found.map_err(|why| AssignmentError(format!("`{text}`: {why}")));
         }
+        let (rest, offset) = match rest.rsplit_once(":offset:") {
+            Some((rest, offset)) => (rest, Some(offset)),
+            None => (rest, None),
+        };
         // all text after a unit and `*` is the factor, which may be a product itself
         let (rest, factor) = match rest.rsplit_once(':') {
             Some((column, behind)) if behind.contains('*') => {
@@ -279,8 +285,13 @@ impl FromStr for Assignment {
                 quantity.units().join(" ")
             )));
         }
+        let offset = offset.map(|offset| {
+            in_si(&quantity, offset)
+                .map_err(|why| AssignmentError(format!("the offset in `{text}`: {why}")))
+        });
         Ok(Self {
             factor: unit.map_or(1.0, |u| u.1) * factor.unwrap_or(1.0),
+            offset: offset.transpose()?.unwrap_or(0.0),
             unit: unit.map(|u| u.0),
             gain: factor,
             ..Self::new(quantity, column.trim())
@@ -312,24 +323,27 @@ fn without_column(quantity: &str, text: &str) -> Option<Result<Assignment, Strin
         None => return None,
     };
     let quantity = named(quantity);
-    let in_si = |text: &str| -> Result<f64, String> {
-        let (number, unit) = match text.rsplit_once(':') {
-            None => (text, 1.0),
-            Some((number, unit)) => {
-                let known = UNITS.iter().find(|(name, _)| *name == unit.trim());
-                let known = known.filter(|(name, _)| quantity.units().contains(name));
-                let (_, size) = known.ok_or_else(|| {
-                    let all = quantity.units().join(" ");
-                    format!("`{unit}` is no unit of `{quantity}`: use one of {all}")
-                })?;
-                (number, *size)
-            }
-        };
-        let number = expression::evaluate(number.trim());
-        Ok(unit * number.map_err(|why| format!("the constant `{text}`: {why}"))?)
-    };
-    Some(value.map(in_si).transpose().and_then(|value| {
+    let value = value.map(|text| in_si(&quantity, text));
+    Some(value.transpose().and_then(|value| {
         let found = Assignment::without_column(quantity.clone(), value);
         found.map_err(str::to_owned)
     }))
+}
+
+/// The value of `NUMBER[:UNIT]` in SI.
+fn in_si(quantity: &Quantity, text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.rsplit_once(':') {
+        None => (text, 1.0),
+        Some((number, unit)) => {
+            let known = UNITS.iter().find(|(name, _)| *name == unit.trim());
+            let known = known.filter(|(name, _)| quantity.units().contains(name));
+            let (_, size) = known.ok_or_else(|| {
+                let all = quantity.units().join(" ");
+                format!("`{unit}` is no unit of `{quantity}`: use one of {all}")
+            })?;
+            (number, *size)
+        }
+    };
+    let number = expression::evaluate(number.trim());
+    Ok(unit * number.map_err(|why| format!("the constant `{text}`: {why}"))?)
 }

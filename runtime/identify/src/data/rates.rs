@@ -165,15 +165,26 @@ impl Rates {
             self.change_squares[k] * STRETCH_ROWS as f64
                 > MIN_MOTION * MIN_MOTION * self.step_squares[k]
         };
+        // the velocity that fits a position best
+        let partner = |k: usize| {
+            let moving = (0..m).filter(|j| moves(k) && moves(*j));
+            let fitting = moving.map(|j| (j, correlation(k, j).abs()));
+            let best = fitting.filter(|own| own.1 > MIN_CORRELATION);
+            best.max_by(|a, b| a.1.total_cmp(&b.1)).map(|own| own.0)
+        };
         let slopes: Vec<(usize, f64)> = (0..m)
             .filter(|k| moves(*k) && correlation(*k, *k) > MIN_CORRELATION)
             .map(|k| (k, self.products[k * m + k] / self.change_squares[k]))
             .collect();
-        // a wrong unit of time changes all velocities alike
-        let all = |size: f64| slopes.iter().all(|(_, slope)| is_near(*slope, size));
-        let of_time = CLOCKS
-            .iter()
-            .find(|(size, _)| slopes.len() > 1 && all(*size));
+        // a wrong unit of time changes all velocities alike, whatever else is wrong with some
+        let best = |k: usize| {
+            let fits = |j: &usize| moves(*j) && correlation(k, *j).abs() > MIN_CORRELATION;
+            let other = (0..m).find(fits).filter(|_| moves(k));
+            let of = if fits(&k) { Some(k) } else { other };
+            of.map(|j| (self.products[k * m + j] / self.change_squares[k]).abs())
+        };
+        let sizes: Vec<f64> = (0..m).filter_map(best).collect();
+        let of_time = clock_of(&sizes);
         if let (Some((_, unit)), false) = (of_time, clock.is_empty()) {
             return Some(Unfit {
                 why: format!(
@@ -186,7 +197,7 @@ impl Rates {
         if let (Some(slope), false) = (common(&slopes), clock.is_empty()) {
             return Some(Unfit {
                 why: format!(
-                    "all velocities are {slope:.3} times those of the positions: column `{clock}` is not in \
+                    "the velocities are {slope:.3} times those of the positions: column `{clock}` is not in \
                      s, or the rate of the rows is another one. Read it with"
                 ),
                 assignment: Some(format!("t={clock}*{}", figure(1.0 / slope))),
@@ -213,25 +224,34 @@ impl Rates {
                  {STRETCH_ROWS} rows its integral has the correlation {own:.2} with the {of}'s \
                  change"
             );
-            if own < -MIN_CORRELATION {
+            let other = partner(k).filter(|j| *j != k);
+            let is_other = own.abs() < MIN_SAME_CORRELATION
+                && other.is_some_and(|j| correlation(k, j).abs() > MIN_SAME_CORRELATION);
+            if own < -MIN_CORRELATION && !is_other {
                 return Some(Unfit {
                     why: format!("{head}; the sign of one of them is flipped. Read that with"),
                     assignment: Some(format!("{prefix}{name}={velocity}*{}", -factor)),
                 });
             }
-            if own < MIN_CORRELATION {
+            if own < MIN_CORRELATION || is_other {
                 // all velocities of the exchange at once, as one column is not read twice
-                let of = |k: usize| {
-                    let own = |j: &usize| moves(*j) && correlation(k, *j) > MIN_CORRELATION;
-                    (0..m).find(own).filter(|j| *j != k)
+                let apart = |k: &usize| partner(*k).is_some_and(|j| j != *k);
+                let exchanged: Vec<usize> = (0..m).filter(apart).collect();
+                let mut from: Vec<usize> = exchanged.iter().filter_map(|k| partner(*k)).collect();
+                let of = |k: &usize| {
+                    let (to, j) = (pairs.get(*k)?, partner(*k)?);
+                    let sign = if correlation(*k, j) < 0.0 { "*-1" } else { "" };
+                    Some(format!(
+                        "{prefix}{}={}{sign}",
+                        to.name,
+                        pairs.get(j)?.velocity
+                    ))
                 };
-                let exchanged = (0..m).filter_map(|k| {
-                    let (to, from) = (pairs.get(k)?, pairs.get(of(k)?)?);
-                    Some(format!("{prefix}{}={}", to.name, from.velocity))
-                });
-                let fits = |j: &usize| *j != k && moves(*j) && correlation(*j, k) > MIN_CORRELATION;
+                let options: Vec<String> = exchanged.iter().filter_map(of).collect();
+                let fits = |j: &usize| *j != k && partner(*j) == Some(k);
                 let other = (0..m).find(fits).and_then(|j| pairs.get(j));
-                return Some(match other {
+                from.sort_unstable();
+                return Some(match other.filter(|_| from == exchanged) {
                     Some(Pair {
                         position: other, ..
                     }) => Unfit {
@@ -239,7 +259,7 @@ impl Rates {
                             "{head}; it fits column `{other}`: these velocities are swapped, or \
                              their positions. Read each as the other, such as"
                         ),
-                        assignment: Some(exchanged.collect::<Vec<_>>().join("\n")),
+                        assignment: Some(options.join("\n")),
                     },
                     None => format!(
                         "{head}; at least {MIN_CORRELATION} is expected. Leave it out, or give \
@@ -265,6 +285,22 @@ impl Rates {
 
 /// Ratios of a velocity to the rate of its position that a wrong unit of time causes.
 const CLOCKS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
+/// The unit of time that most ratios of a velocity to the rate of its position have in common, where none is
+/// right; another unit of all velocities is no reason against it.
+fn clock_of(sizes: &[f64]) -> Option<(f64, &'static str)> {
+    if sizes.len() < 2 || sizes.iter().any(|size| is_near(*size, 1.0)) {
+        return None;
+    }
+    let units = OF_VELOCITIES.iter().chain(&OF_POSITIONS).map(|own| own.0);
+    let with_units = units.flat_map(|unit| CLOCKS.map(|(size, name)| (size * unit, (size, name))));
+    let plain = CLOCKS.map(|own| (own.0, own));
+    let have = |of: f64| sizes.iter().filter(|size| is_near(**size, of)).count();
+    let mut tried = plain.into_iter().chain(with_units);
+    tried
+        .find(|(of, _)| 2 * have(*of) > sizes.len())
+        .map(|own| own.1)
+}
+
 /// Ratios that a wrong unit of the velocity causes, with the unit in words and for an assignment.
 const OF_VELOCITIES: [(f64, &str, &str); 3] = [
     (57.295_779_513_082_32, "degrees per second", "deg/s"),
@@ -277,20 +313,23 @@ const OF_POSITIONS: [(f64, &str, &str); 2] = [
     (1e-3, "millimetres", "mm"),
 ];
 
-/// The factor by which all velocities, of two positions at least, are too large, if no unit of theirs is why:
-/// then the clock is wrong.
+/// The factor by which most velocities, of two positions at least, are too large, if none is right and no unit of
+/// theirs is why: then the clock is wrong.
 fn common(slopes: &[(usize, f64)]) -> Option<f64> {
-    let first = slopes.first().filter(|_| slopes.len() > 1)?.1;
-    let is_same = slopes
-        .iter()
-        .all(|(_, slope)| (slope / first - 1.0).abs() < COMMON_TOLERANCE);
+    let same = |of: f64| {
+        let near = |own: &&(usize, f64)| (own.1 / of - 1.0).abs() < COMMON_TOLERANCE;
+        slopes.iter().filter(near).count()
+    };
+    let mut all = slopes.iter().map(|own| own.1);
+    let most = all.find(|of| 2 * same(*of) > slopes.len() && same(*of) > 1)?;
     let mut units = OF_VELOCITIES.iter().map(|own| own.0);
     let mut others = OF_POSITIONS.iter().map(|own| own.0);
-    let is_unit = units.any(|size| is_near(first, size))
-        || others.any(|size| is_near(first, size))
-        || is_near(first, PER_SECOND);
-    let is_large = !(1.0 / MAX_RATIO..MAX_RATIO).contains(&first);
-    (is_same && is_large && !is_unit).then_some(first)
+    let is_unit = units.any(|size| is_near(most, size))
+        || others.any(|size| is_near(most, size))
+        || is_near(most, PER_SECOND);
+    let is_large = !(1.0 / MAX_RATIO..MAX_RATIO).contains(&most);
+    let is_one_right = slopes.iter().any(|own| is_near(own.1, 1.0));
+    (is_large && !is_unit && !is_one_right).then_some(most)
 }
 
 /// Whether a ratio is `size` up to [`RATIO_TOLERANCE`].
@@ -321,16 +360,25 @@ fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {
         let found = units.iter().find(|(size, ..)| is_near(slope, *size));
         found.map(|(_, words, unit)| (*words, *unit))
     };
-    // a column that has a factor already keeps it
+    // a column that has a factor already keeps it, and a unit its sign
     let is_plain = factors
         .iter()
-        .all(|factor| (factor - 1.0).abs() < f64::EPSILON);
+        .all(|factor| (factor.abs() - 1.0).abs() < f64::EPSILON);
+    let sign = |factor: f64| if factor < 0.0 { "*-1" } else { "" };
     let has_units = of.is_empty() && is_plain;
     let (column, words, assignment) =
         if let (Some((words, unit)), true) = (known(&OF_VELOCITIES), has_units) {
-            (velocity, words, format!("{prefix}{name}={velocity}:{unit}"))
+            (
+                velocity,
+                words,
+                format!("{prefix}{name}={velocity}:{unit}{}", sign(factors[1])),
+            )
         } else if let (Some((words, unit)), true) = (known(&OF_POSITIONS), has_units) {
-            (position, words, format!("{of}{name}={position}:{unit}"))
+            (
+                position,
+                words,
+                format!("{of}{name}={position}:{unit}{}", sign(factors[0])),
+            )
         } else {
             return Unfit {
                 why: format!("{head}: a unit or a gear is missing. Read one of them with"),
@@ -349,4 +397,25 @@ fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {
 /// A factor with four significant digits.
 fn figure(factor: f64) -> f64 {
     format!("{factor:.3e}").parse().unwrap_or(factor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::common;
+
+    #[test]
+    fn a_factor_of_most_velocities_is_that_of_the_clock_if_none_is_right() {
+        let of = |slopes: &[f64]| {
+            let all = slopes.iter().copied().enumerate();
+            common(&all.collect::<Vec<_>>())
+        };
+        assert_eq!(of(&[4.0, 4.0]), Some(4.0));
+        // one position is in mm besides
+        assert_eq!(of(&[4.0, 4e-3, 4.0]), Some(4.0));
+        assert_eq!(of(&[4.0, 1.0, 4.0]), None);
+        assert_eq!(of(&[4.0, 3.0]), None);
+        assert_eq!(of(&[4.0]), None);
+        // degrees per second
+        assert_eq!(of(&[57.3, 57.3]), None);
+    }
 }

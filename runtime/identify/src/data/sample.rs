@@ -1,6 +1,7 @@
 //! Takes a sample of a log's measured states, before the loops are closed, for checks of the
 //! whole log that need few states.
 
+use super::columns::Quantity;
 use super::logs::{Log, Logs};
 use super::motion;
 use super::problem::DataError;
@@ -19,6 +20,24 @@ const SAMPLED_ROWS: usize = 16_384;
 const BLOCKS: usize = 8;
 
 impl<M: Model<f64> + ?Sized> Logs<'_, M> {
+    /// For each measured coordinate the one by whose name the column of its velocity is called, see
+    /// [`Sample::rates_of`].
+    fn rates_of(&self, measured: &[usize]) -> Vec<usize> {
+        let names = self.model.info().coordinates;
+        let place = |name: &str| measured.iter().position(|c| names.get(*c) == Some(&name));
+        let mut out: Vec<usize> = (0..measured.len()).collect();
+        for given in self.settings.columns.iter().rev() {
+            let Quantity::Velocity(name) = &given.quantity else {
+                continue;
+            };
+            let from = given.column.strip_prefix("qd_").and_then(place);
+            if let (Some(of), Some(from)) = (place(name), from) {
+                out.iter_mut().skip(of).take(1).for_each(|own| *own = from);
+            }
+        }
+        out
+    }
+
     /// Takes states of the file with index `file`, spread evenly over it, at most about twice as
     /// many as [`STATES`]; a stretch that cannot be differentiated gives none.
     ///
@@ -41,6 +60,8 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let mut out = Sample {
             measured: log.file.layout.measured.clone(),
             unmeasured: log.file.layout.unmeasured.clone(),
+            has_rates: log.file.layout.velocities.iter().any(Option::is_some),
+            rates_of: self.rates_of(&log.file.layout.measured),
             titles: log.file.layout.header.clone(),
             time_column: log.file.layout.time_column().map(str::to_owned),
             held: (log.file.layout.positions().start..)

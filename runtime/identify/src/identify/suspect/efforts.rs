@@ -4,7 +4,7 @@
 use super::grams::{Fit, Grams};
 use super::{
     Change, MAX_EXPLAINED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Reading, facts,
-    implausible_count, judge, quality,
+    implausible_count, judge, quality, worst,
 };
 use regen_runtime::BaseModel;
 
@@ -29,6 +29,11 @@ const MAX_ORDERED: usize = 4;
 const MAX_SIGNED: usize = 7;
 /// Factors between units: a factor within 10 % of one of them is set to it.
 const UNITS: [f64; 4] = [1e3, 1e-3, 9.806_65, 0.01];
+
+/// A factor that several equations agree on is that of a unit if it differs by less than this factor.
+const MAX_OFF_UNIT: f64 = 1.3;
+/// A factor below this is one that no equation tells.
+const MIN_KNOWN_FACTOR: f64 = 1e-5;
 
 /// A hypothesis on how the efforts are to be read.
 #[derive(Clone)]
@@ -55,8 +60,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut now = start.clone();
     let mut touched: Vec<usize> = Vec::new();
     for _ in 0..MAX_ROUNDS {
-        let worst = now.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
-        if worst < GOOD_ERROR {
+        if worst(&now.errors) < GOOD_ERROR {
             break;
         }
         let implausible = implausible_count(model, grams, &now);
@@ -64,6 +68,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         let mut tried = candidates(grams, &read, &offsets, own, &touched, &now);
         if touched.is_empty() {
             tried.extend(orders(grams, own));
+            tried.extend(of_units(grams, own));
         }
         for candidate in tried {
             let Some(fit) = grams.fit(&candidate.read, &candidate.offsets) else {
@@ -84,12 +89,23 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         let Some(mut best) = equivalent.next() else {
             break;
         };
-        // a fit sees only the ratio of two efforts; the nominal bodies tell which of them is wrong
+        // a fit sees only the ratio of two efforts; the nominal bodies tell which of them is wrong, or a unit that
+        // there is
         let weight_of = |fit: &Fit, candidate: &Candidate| {
+            let is_unit = |k: &usize| {
+                let read = candidate.read.get(*k)?;
+                let factor = (read.factor * own.get(read.from)? / own.get(*k)?).abs();
+                Some((factor - 1.0).abs() < 1e-9 || UNITS.contains(&factor))
+            };
+            let odd = candidate
+                .touched
+                .iter()
+                .filter(|k| is_unit(k) == Some(false));
             (
                 implausible_count(model, grams, fit)
                     + judge::contradictions(&facts::nominal(model, grams, &candidate.read)),
                 candidate.touched.len(),
+                odd.count(),
             )
         };
         let mut weight = weight_of(&best.1, &best.2);
@@ -103,17 +119,15 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         touched.extend(&candidate.touched);
         (read, offsets, now) = (candidate.read, candidate.offsets, fit);
     }
-    let worst = |fit: &Fit| fit.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
-    if touched.is_empty() || worst(&now) > worst(start) {
+    if touched.is_empty() || worst(&now.errors) > worst(&start.errors) {
         return None;
     }
     let mut change = Change {
         offsets: shifts(count, &offsets, &now, grams),
-        positions: Vec::new(),
         before: start.errors.clone(),
         after: now.errors.clone(),
-        sign: false,
         efforts: read,
+        ..Change::none(count, 0)
     };
     if let Some(flipped) = flip_driving_signs(model, grams, &change.efforts, &offsets, &now) {
         change.efforts = flipped.0;
@@ -259,6 +273,85 @@ fn orders(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
     out
 }
 
+/// The orders of the efforts with signs and units with which the equations agree; none if that is what they are, or
+/// if other factors than units would be needed.
+fn of_units(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
+    let count = own.len();
+    let same: Vec<usize> = (0..count).collect();
+    let Some(best) = best_order(grams, count) else {
+        return Vec::new();
+    };
+    let mut out = Vec::new();
+    for order in if best == same {
+        vec![same]
+    } else {
+        vec![same, best]
+    } {
+        let units = |one: usize| -> Option<Vec<f64>> {
+            let of = |(k, factor): (usize, &f64)| {
+                let constant = own.get(k)? / own.get(*order.get(k)?)?;
+                Some(constant * unit_near(factor / constant)?)
+            };
+            let found = grams.factors(&order, one)?;
+            found.iter().enumerate().map(of).collect()
+        };
+        // a torque constant is that of a motor, so it does not move with the column
+        let constants = |order: &[usize]| -> Option<Vec<f64>> {
+            let of = |(k, from): (usize, &usize)| Some(own.get(k)? / own.get(*from)?);
+            order.iter().enumerate().map(of).collect()
+        };
+        let others = |read: &Vec<f64>| {
+            read.iter()
+                .filter(|f| (f.abs() - 1.0).abs() > f64::EPSILON)
+                .count()
+        };
+        // the unit of most efforts is right; where factors are none of units, nothing is said of them
+        let known = (0..count).filter_map(units).min_by_key(others);
+        let Some(factors) = known.or_else(|| constants(&order)) else {
+            continue;
+        };
+        for sign in [1.0, -1.0] {
+            let reading = |k: usize| Reading {
+                from: order[k],
+                factor: sign * factors[k],
+                offset: 0.0,
+            };
+            let read: Vec<Reading> = (0..count).map(reading).collect();
+            let plain = Reading::plain(count);
+            let touched: Vec<usize> = (0..count).filter(|k| read[*k] != plain[*k]).collect();
+            // one alone, and a constant alone, are tried besides
+            let plain = Candidate {
+                needed: MIN_GAIN_PER_COLUMN.powi(i32::try_from(touched.len()).unwrap_or(i32::MAX)),
+                offsets: Vec::new(),
+                read,
+                touched,
+            };
+            if !plain.touched.is_empty() {
+                out.extend((0..count).map(|k| Candidate {
+                    needed: MIN_GAIN_PER_COLUMN * plain.needed,
+                    offsets: vec![k],
+                    touched: [plain.touched.as_slice(), &[k]].concat(),
+                    ..plain.clone()
+                }));
+            }
+            if plain.touched.len() > 1 {
+                out.push(plain);
+            }
+        }
+    }
+    out
+}
+
+/// The factor of a unit, or 1, that a factor is near to, with its sign; 1 where nothing tells it.
+fn unit_near(factor: f64) -> Option<f64> {
+    if factor.abs() < MIN_KNOWN_FACTOR {
+        return Some(1.0);
+    }
+    let near = |unit: &&f64| (1.0 / MAX_OFF_UNIT..MAX_OFF_UNIT).contains(&(factor.abs() / **unit));
+    let unit = [1.0].iter().chain(&UNITS).find(near)?;
+    Some(unit.copysign(factor))
+}
+
 /// All orders of `0..count`.
 pub(super) fn permutations(count: usize) -> Vec<Vec<usize>> {
     let mut out = vec![Vec::new()];
@@ -375,8 +468,8 @@ fn flip_driving_signs<M: BaseModel<f64> + ?Sized>(
         return None;
     }
     let fit = grams.fit(&flipped, offsets)?;
-    let worst = |fit: &Fit| fit.errors.iter().fold(0.01, |m: f64, e| m.max(*e));
-    let worse = worst(&fit) > MAX_LOSS_OF_SIGNS * worst(now)
+    let most = |fit: &Fit| worst(&fit.errors).max(0.01);
+    let worse = most(&fit) > MAX_LOSS_OF_SIGNS * most(now)
         || quality(&fit.errors) > MAX_LOSS_OF_SIGNS * quality(&now.errors);
     let fewer = implausible_count(model, grams, &fit) < implausible_count(model, grams, now);
     (fewer && !worse && facts::driving(model, grams, &fit).is_empty()).then_some((flipped, fit))
@@ -396,10 +489,9 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
     let (efforts, fit) = flip_driving_signs(model, grams, &Reading::plain(count), &[], now)?;
     Some(Change {
         efforts,
-        positions: Vec::new(),
-        offsets: vec![0.0; count],
         before: now.errors.clone(),
         after: fit.errors,
         sign: true,
+        ..Change::none(count, 0)
     })
 }

@@ -2,7 +2,7 @@
 //! that contradict the nominal bodies, negative friction or rotor inertia.
 
 use super::grams::{Fit, Grams, named};
-use super::{MIN_OFFSET_PART, Reading, Sample, UNEXPLAINED_ERROR};
+use super::{MIN_OFFSET_PART, Reading, Sample};
 use regen_runtime::{BaseModel, BaseTerm, Info, Parameter, Symbol};
 
 /// Friction drives a joint if its power into the joint is more than this part of the efforts'
@@ -14,9 +14,6 @@ const MAX_LIMIT_RATIO: f64 = 5.0;
 const CERTAIN_DEVIATIONS: f64 = 6.0;
 /// A negative parameter matters if a fit without it has an error larger by this factor.
 const MIN_ERROR_RATIO: f64 = 1.5;
-/// The factor by which a constant must reduce the error of its effort: in a log of a thousand samples of which a
-/// hundred are independent, chance reduces it by half a percent.
-const MIN_GAIN_OF_CONSTANT: f64 = 1.1;
 
 /// Comparison of the effort of one equation with the effort that the nominal bodies need.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -226,49 +223,6 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
         })
     };
     info.actuated.iter().enumerate().filter_map(one).collect()
-}
-
-/// A constant in an effort that the model lacks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MissingConstant {
-    /// The effort: an index into `Info::actuated`.
-    pub effort: usize,
-    /// The constant, N or N m.
-    pub value: f64,
-    /// The error of its equation without and with the constant: rms of the residuals over rms of the
-    /// effort about its mean.
-    pub errors: [f64; 2],
-}
-
-/// The constants that the residuals of efforts contain, each tried: an effort is explained better with it,
-/// and it is no small part of the effort. There are none where a joint has an offset, or where the effort is
-/// not explained with the constant either.
-pub(super) fn constants<M: BaseModel<f64> + ?Sized>(
-    model: &M,
-    grams: &Grams,
-    now: &Fit,
-) -> Vec<MissingConstant> {
-    let info = model.info();
-    let read = Reading::plain(info.actuated.len());
-    let one = |i: usize| -> Option<MissingConstant> {
-        let effort = grams.only_effort(i)?;
-        let name = info.coordinates.get(*info.actuated.get(effort)?)?;
-        let mut parameters = info.parameters.iter();
-        if parameters.any(|p| p.is_offset() && p.owner == *name) {
-            return None;
-        }
-        let with = grams.fit(&read, &[effort])?;
-        let value = *with.values.get(grams.columns())?;
-        let errors = [*now.errors.get(i)?, *with.errors.get(i)?];
-        let matters = value.abs() > MIN_OFFSET_PART * now.sizes.get(i)?;
-        let better = errors[0] > MIN_GAIN_OF_CONSTANT * errors[1];
-        (matters && better && errors[1] < UNEXPLAINED_ERROR).then_some(MissingConstant {
-            effort,
-            value,
-            errors,
-        })
-    };
-    (0..grams.rows()).filter_map(one).collect()
 }
 
 /// Whether all parameters of a combination satisfy a condition.

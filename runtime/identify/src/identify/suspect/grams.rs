@@ -43,6 +43,8 @@ pub(super) struct Stored {
     pub(super) w: Vec<f64>,
     /// The right-hand sides.
     pub(super) tau: Vec<f64>,
+    /// For each effort, its factor in each equation.
+    pub(super) transfer: Vec<f64>,
 }
 
 impl Stored {
@@ -338,6 +340,7 @@ impl Grams {
                     state: place,
                     w: w.clone(),
                     tau: sides,
+                    transfer: transfer.clone(),
                 });
             }
         }
@@ -421,30 +424,71 @@ impl Grams {
         self.solve(read, &[], Some(column))
     }
 
-    /// The error of equation `i`, solved alone, if its effort is read from the column of the effort `from`.
+    /// The error of equation `i`, solved alone with a constant, if its effort is read from the column of the effort
+    /// `from`.
     pub(super) fn error_of(&self, i: usize, from: usize) -> Option<f64> {
-        let n = self.columns;
-        let mut gram = vec![0.0; n * n];
-        for a in 0..n {
-            for b in 0..=a {
-                gram[a * n + b] = self.entry(i, a, b);
-            }
-        }
-        let mut read = Reading::plain(self.efforts);
         let own = self.only_effort(i)?;
-        read[own].from = from;
+        let mut read = Reading::plain(self.efforts);
+        read.get_mut(own)?.from = from;
         let side = self.side(i, &read);
         let last = self.size(i) - 1;
-        let right: Vec<f64> = (0..n)
-            .map(|p| self.product(i, &[(p, 1.0)], &side))
+        let places: Vec<usize> = (0..self.columns).chain(self.constant(i, own)).collect();
+        let n = places.len();
+        let mut gram = vec![0.0; n * n];
+        for (a, p) in places.iter().enumerate() {
+            for (b, q) in places[..=a].iter().enumerate() {
+                gram[a * n + b] = self.entry(i, *p, *q);
+            }
+        }
+        let right: Vec<f64> = places
+            .iter()
+            .map(|p| self.product(i, &[(*p, 1.0)], &side))
             .collect();
         let square = self.product(i, &side, &side);
         let mean = self.product(i, &side, &[(last, 1.0)]);
         let spread = (square - mean * mean / self.count).max(1e-6 * square);
         let values = solve(&mut gram, &right)?;
-        let places: Vec<Option<usize>> = (0..n).map(Some).collect();
+        let places: Vec<Option<usize>> = places.into_iter().map(Some).collect();
         let left = self.squared_residuals(i, &places, &values, square, &right);
         (spread > 0.0).then(|| (left / spread).sqrt())
+    }
+
+    /// The factors on the efforts, read from the columns of others in this order, with which the equations agree
+    /// best if that of effort `one` is 1 and each may have a constant; 0 where nothing tells it. `None` where an
+    /// equation has several efforts.
+    pub(super) fn factors(&self, order: &[usize], one: usize) -> Option<Vec<f64>> {
+        // the unknowns are the parameters, the constants and the factors
+        let (n, count) = (self.columns, order.len());
+        let m = n + 2 * count;
+        let mut gram = vec![0.0; m * m];
+        for i in (0..self.rows()).filter(|i| !self.left_out[*i]) {
+            let own = self.only_effort(i)?;
+            let side = n + order.get(own)?;
+            let square = self.entry(i, side, side);
+            let mean = self.entry(i, side, self.size(i) - 1);
+            let spread = (square - mean * mean / self.count).max(1e-6 * square);
+            let mut places: Vec<(usize, usize, f64)> = (0..n).map(|k| (k, k, 1.0)).collect();
+            places.push((n + own, self.constant(i, own)?, 1.0));
+            places.push((n + count + own, side, -1.0));
+            for (a, p, x) in &places {
+                for (b, q, y) in places.iter().filter(|(b, ..)| b <= a) {
+                    gram[a * m + b] += x * y * self.entry(i, *p, *q) / spread;
+                }
+            }
+        }
+        let fixed = n + count + one;
+        let rest: Vec<usize> = (0..m).filter(|k| *k != fixed).collect();
+        let mut left = vec![0.0; rest.len() * rest.len()];
+        for (a, x) in rest.iter().enumerate() {
+            for (b, y) in rest[..=a].iter().enumerate() {
+                left[a * rest.len() + b] = gram[x * m + y];
+            }
+        }
+        let right = |x: &usize| -gram[(*x).max(fixed) * m + (*x).min(fixed)];
+        let right: Vec<f64> = rest.iter().map(right).collect();
+        let mut solved = solve(&mut left, &right)?.split_off(n + count);
+        solved.insert(one, 1.0);
+        Some(solved)
     }
 
     /// What the base parameters do not explain of a quantity at some states, given equation by equation with
@@ -671,7 +715,7 @@ impl Grams {
 
 /// Solves with a Gram matrix, given by its lower triangle, by Cholesky's factorisation after
 /// scaling its columns to unit length and adding a ridge.
-fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
+pub(super) fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
     let n = right.len();
     let scale: Vec<f64> = (0..n)
         .map(|k| match gram[k * n + k] {

@@ -252,9 +252,6 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(columns.shifted(&findings.shifts));
     }
     if out.is_empty() {
-        out.extend(columns.with_constants(&findings.constants));
-    }
-    if out.is_empty() {
         out.extend(findings.negative.iter().map(|negative| {
             columns.suspicion(
                 format!(

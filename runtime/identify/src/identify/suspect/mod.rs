@@ -12,12 +12,12 @@ mod facts;
 mod far;
 mod grams;
 mod judge;
-mod offsets;
 mod positions;
 mod trial;
+mod unknowns;
 mod words;
 
-pub use facts::{MissingConstant, NegativeParameter, Nominal, Shift};
+pub use facts::{NegativeParameter, Nominal, Shift};
 pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
 pub use trial::{Trial, short_trial, trial, weightless};
 pub use words::LogColumns;
@@ -53,6 +53,11 @@ pub struct Sample {
     pub series_over_noise: Vec<f64>,
     /// The efforts that jump in some rows and are back in the next ones.
     pub spikes: Vec<Spikes>,
+    /// Whether velocities are measured.
+    pub has_rates: bool,
+    /// For each measured coordinate the one whose velocity its own is read from, by the names of the columns; empty
+    /// where these are their own.
+    pub rates_of: Vec<usize>,
     /// The efforts that are stated as not measured: indices into `Info::actuated`.
     pub unmeasured: Vec<usize>,
 }
@@ -115,6 +120,10 @@ pub struct Change {
     pub positions: Vec<Reading>,
     /// The constant offset of each effort, N or N m; 0 where there is none.
     pub offsets: Vec<f64>,
+    /// The factor on the times.
+    pub times: f64,
+    /// The measured coordinates whose positions are late, each with its delay, s.
+    pub late: Vec<(usize, f64)>,
     /// The errors of the equations without the change: rms of the residuals over rms of the efforts
     /// about their mean. Empty where the loops do not close.
     pub before: Vec<f64>,
@@ -123,6 +132,113 @@ pub struct Change {
     /// Whether the change only flips signs: the errors stay about the same, but friction or inertia
     /// is negative without it.
     pub sign: bool,
+}
+
+impl Change {
+    /// No change.
+    fn none(efforts: usize, positions: usize) -> Self {
+        Self {
+            efforts: Reading::plain(efforts),
+            positions: Reading::plain(positions),
+            offsets: vec![0.0; efforts],
+            times: 1.0,
+            late: Vec::new(),
+            before: Vec::new(),
+            after: Vec::new(),
+            sign: false,
+        }
+    }
+
+    /// Whether it only takes constants from efforts.
+    fn has_constants_only(&self) -> bool {
+        let none = Self::none(self.efforts.len(), self.positions.len());
+        self.efforts == none.efforts && self.positions == none.positions
+    }
+
+    /// How many numbers it contains that the equations told.
+    fn number_count(&self) -> i32 {
+        let offsets = self.offsets.iter().filter(|own| **own != 0.0).count();
+        let zeros = self
+            .positions
+            .iter()
+            .filter(|own| own.offset != 0.0)
+            .count();
+        let rate = usize::from((self.times - 1.0).abs() > f64::EPSILON);
+        i32::try_from(offsets + zeros + rate + self.late.len()).unwrap_or(i32::MAX)
+    }
+
+    /// This change, and another one of what is read with it.
+    fn then(&self, next: &Self) -> Self {
+        let after = |own: &Reading, first: &[Reading]| {
+            let first = first.get(own.from).copied().unwrap_or(*own);
+            Reading {
+                from: first.from,
+                factor: own.factor * first.factor,
+                offset: own.factor * first.offset + own.offset,
+            }
+        };
+        let both = |first: &[Reading], next: &[Reading]| -> Vec<Reading> {
+            next.iter().map(|own| after(own, first)).collect()
+        };
+        let offset = |(own, more): (&Reading, &f64)| {
+            more + own.factor * self.offsets.get(own.from).unwrap_or(&0.0)
+        };
+        let place = |k: usize| self.positions.get(k).map_or(k, |own| own.from);
+        let late = next.late.iter().map(|(k, own)| (place(*k), *own));
+        Self {
+            efforts: both(&self.efforts, &next.efforts),
+            positions: both(&self.positions, &next.positions),
+            offsets: next.efforts.iter().zip(&next.offsets).map(offset).collect(),
+            times: self.times * next.times,
+            late: self.late.iter().copied().chain(late).collect(),
+            before: self.before.clone(),
+            after: next.after.clone(),
+            sign: self.sign || next.sign,
+        }
+    }
+}
+
+impl Sample {
+    /// The sample as it is read with a change.
+    fn read_with(&self, change: &Change) -> Self {
+        let read = |values: &[f64], all: &[Reading], factor: f64, part: f64| -> Vec<f64> {
+            let one = |own: &Reading| {
+                let value = values.get(own.from).copied().unwrap_or(f64::NAN);
+                (own.factor * value + part * own.offset) * factor
+            };
+            all.iter().map(one).collect()
+        };
+        let state = |(place, state): (usize, &Measured)| {
+            let mut motion = state.motion.clone();
+            for (k, late) in &change.late {
+                let more = unknowns::later(&self.states, place, *k, *late);
+                for (values, more) in motion.iter_mut().zip(more) {
+                    values.iter_mut().skip(*k).take(1).for_each(|x| *x += more);
+                }
+            }
+            let [q, qd, qdd] = &motion;
+            let efforts = read(&state.efforts, &change.efforts, 1.0, 0.0);
+            let rate = 1.0 / change.times;
+            Measured {
+                time: state.time * change.times,
+                motion: [
+                    read(q, &change.positions, 1.0, 1.0),
+                    read(qd, &change.positions, rate, 0.0),
+                    read(qdd, &change.positions, rate * rate, 0.0),
+                ],
+                efforts: efforts
+                    .iter()
+                    .zip(&change.offsets)
+                    .map(|(u, c)| u - c)
+                    .collect(),
+            }
+        };
+        Self {
+            states: self.states.iter().enumerate().map(state).collect(),
+            step: self.step * change.times,
+            ..self.clone()
+        }
+    }
 }
 
 /// An effort that is far from what the model explains of it in a part of a log.
@@ -159,8 +275,6 @@ pub struct Findings {
     /// Efforts with a constant offset that direction-dependent friction has absorbed; only where no
     /// change explains them.
     pub shifts: Vec<Shift>,
-    /// Constants in efforts that the model lacks; only where no change explains the errors.
-    pub constants: Vec<MissingConstant>,
 }
 
 /// The largest number of states used for hypotheses on efforts; more are not needed.
@@ -170,14 +284,22 @@ pub const STATES: usize = 1000;
 const MAX_POSITION_STATES: usize = 240;
 /// The smallest number of equations per base parameter for a hypothesis on positions.
 const MIN_EQUATIONS_PER_PARAMETER: usize = 3;
-/// Relative errors above this, whatever changes of efforts leave, cause hypotheses on positions to be tried.
+/// Relative errors above this are not explained.
 const UNEXPLAINED_ERROR: f64 = 0.25;
-/// The same, after changes of efforts.
+/// Relative errors above this cause hypotheses on positions to be tried.
 const DOUBTED_ERROR: f64 = 0.1;
 /// The factor by which a change must reduce the product of errors for each column that it changes:
 /// halving is not an accident.
 const MIN_GAIN_PER_COLUMN: f64 = 2.0;
-
+/// The largest number of changes found one after the other.
+const MAX_LOOKS: usize = 4;
+/// With a smaller correlation in time, residuals of any size are noise.
+const MAX_CORRELATION_OF_WHITE: f64 = 0.2;
+/// Relative errors below this are normal if what is left is noise.
+const MIN_DOUBTED_ERROR: f64 = 0.03;
+/// The factor by which the product of errors must be smaller with numbers than with columns that are read in another
+/// way, and for each number more.
+const MIN_GAIN_OF_NUMBERS: f64 = 1.5;
 /// The factor by which the product of errors must be smaller without the states that are far off.
 const MIN_GAIN_OF_REST: f64 = 1.2;
 /// The smallest offset that is reported, relative to the rms of its effort.
@@ -186,7 +308,8 @@ const MIN_OFFSET_PART: f64 = 0.05;
 const MAX_EXPLAINED_ERROR: f64 = 0.5;
 
 /// Searches for a change of columns with which a log fits far better, and checks the fit for
-/// results that are physically impossible.
+/// results that are physically impossible. What is left after a change is looked at again, as mistakes hide
+/// one another.
 ///
 /// - `own`: a factor for each effort that belongs to its joint and not to its column, such as a
 ///   torque constant: it stays with the joint where columns are exchanged; 1 where there is none.
@@ -199,10 +322,32 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     estimate: Option<(&[f64], &[f64])>,
     step: &mut dyn FnMut(usize, usize),
 ) -> Findings {
+    let mut out = look_once(model, sample, own, estimate, step);
+    for _ in 1..MAX_LOOKS {
+        let Some(change) = &out.change else { break };
+        let next = look_once(model, &sample.read_with(change), own, None, step);
+        let both = next.change.as_ref().map(|more| change.then(more));
+        out.nominal = next.nominal;
+        out.driving = next.driving;
+        out.far = next.far;
+        let Some(both) = both else { break };
+        out.change = Some(both);
+    }
+    out
+}
+
+/// The change that explains most, and what is impossible without one.
+fn look_once<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    own: &[f64],
+    estimate: Option<(&[f64], &[f64])>,
+    step: &mut dyn FnMut(usize, usize),
+) -> Findings {
     let info = model.info();
-    let plain = Reading::plain(sample.measured.len());
     let mut out = Findings::default();
     let every = sample.states.len().div_ceil(STATES).max(1);
+    let plain = Reading::plain(sample.measured.len());
     let mut grams = Grams::of(model, sample, &plain, every);
     let rest;
     let mut sample = sample;
@@ -215,52 +360,42 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     }
     let mut best: Option<Change> = None;
     let mut fits = None;
-    if let Some(grams) = &grams {
-        let start = Reading::plain(info.actuated.len());
-        if let Some(now) = grams.fit(&start, &[]) {
-            out.errors.clone_from(&now.errors);
-            best = efforts::search(model, grams, own, &now);
-            fits = Some(now);
-        }
+    let read = Reading::plain(info.actuated.len());
+    if let Some(grams) = &grams
+        && let Some(now) = grams.fit(&read, &[])
+    {
+        out.errors.clone_from(&now.errors);
+        best = efforts::search(model, grams, own, &now);
+        let of_motion = best
+            .as_ref()
+            .and_then(|c| positions::signs(model, sample, c));
+        best = of_motion.or(best);
+        fits = Some(now);
     }
-    let worst = |errors: &[f64]| errors.iter().fold(0.0, |m: f64, e| m.max(*e));
     let open = grams.as_ref().is_none_or(|grams| !grams.closes()) || fits.is_none();
-    // what only a change of efforts explains may be a change of positions
-    let doubted = best.is_some() && worst(&out.errors) > DOUBTED_ERROR;
-    let wrong = open
-        || doubted
-        || worst(&out.errors) > UNEXPLAINED_ERROR
-        || facts::beyond_limits(model, sample);
+    let correlation = match (&grams, &fits) {
+        (Some(grams), Some(now)) => trial::correlation(sample, grams, now),
+        _ => 1.0,
+    };
+    // no motion that is read in another way explains noise
+    let doubted = worst(&out.errors) > DOUBTED_ERROR && correlation > MAX_CORRELATION_OF_WHITE;
+    let wrong = open || doubted || facts::beyond_limits(model, sample);
     if wrong && let Some(found) = positions::search(model, sample, own, open, best.as_ref(), step) {
         best = Some(found);
     }
-    if let (None, Some(grams), Some(now)) = (&best, &grams, &fits) {
-        best = efforts::signs(model, grams, now);
-    }
-    if let (None, Some(grams), Some(now)) = (&best, &grams, &fits)
-        && worst(&now.errors) > offsets::MIN_DOUBTED_ERROR
-    {
-        best = offsets::search(model, sample, grams, now);
-    }
-    let changed = best.as_ref().filter(|c| !c.positions.is_empty());
-    let again = changed.and_then(|c| Grams::of(model, sample, &c.positions, every));
-    let read = best.as_ref().map_or_else(
-        || Reading::plain(info.actuated.len()),
-        |c| c.efforts.clone(),
-    );
-    if let Some(grams) = again.as_ref().or(grams.as_ref()) {
-        out.nominal = facts::nominal(model, grams, &read);
-        if let Some(fit) = grams.fit(&read, &[]) {
-            out.driving = facts::driving(model, grams, &fit);
+    if let (Some(grams), Some(now)) = (&grams, &fits) {
+        best = best.or_else(|| efforts::signs(model, grams, now));
+        let is_normal =
+            worst(&now.errors) < MIN_DOUBTED_ERROR && correlation < trial::MAX_CORRELATION_OF_NOISE;
+        if !is_normal {
+            best = with_numbers(best, || unknowns::search(model, sample, grams, now));
         }
-    }
-    if let (None, Some(grams), Some(now)) = (&best, &grams, &fits) {
-        out.constants = facts::constants(model, grams, now);
-    }
-    if let (None, Some(grams), Some(now), Some((values, sigmas))) = (&best, &grams, &fits, estimate)
-    {
-        out.negative = facts::negative(model, grams, now, values, sigmas);
-        out.shifts = facts::shifts(model, grams, now, values, sigmas);
+        out.nominal = facts::nominal(model, grams, &read);
+        out.driving = facts::driving(model, grams, now);
+        if let (None, Some((values, sigmas))) = (&best, estimate) {
+            out.negative = facts::negative(model, grams, now, values, sigmas);
+            out.shifts = facts::shifts(model, grams, now, values, sigmas);
+        }
     }
     if let Some(change) = &mut best
         && change.positions.is_empty()
@@ -269,6 +404,25 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     }
     out.change = best;
     out
+}
+
+/// The change, or that of numbers instead if it explains more.
+fn with_numbers(found: Option<Change>, numbers: impl FnOnce() -> Option<Change>) -> Option<Change> {
+    let Some(found) = found else { return numbers() };
+    // a constant is one of several numbers that may be wrong
+    let is_constant = found.has_constants_only();
+    if found.sign || (!is_constant && worst(&found.after) < DOUBTED_ERROR) {
+        return Some(found);
+    }
+    let better = numbers().filter(|own| {
+        let more = if is_constant {
+            own.number_count() - found.number_count()
+        } else {
+            1
+        };
+        quality(&own.after) * MIN_GAIN_OF_NUMBERS.powi(more) <= quality(&found.after)
+    });
+    better.or(Some(found))
 }
 
 /// The efforts that are far off in a part of the log, the sample without these states and its sums; `None` if
@@ -304,6 +458,11 @@ fn without_far<M: BaseModel<f64> + ?Sized>(
     // the search goes on with what is explained better
     (quality(&now.errors) > MIN_GAIN_OF_REST * quality(&fit.errors))
         .then_some((efforts, rest, others))
+}
+
+/// The largest error.
+fn worst(errors: &[f64]) -> f64 {
+    errors.iter().fold(0.0, |m: f64, e| m.max(*e))
 }
 
 /// The product of the errors, each taken as 1 % at least: smaller ones do not matter.

@@ -1,10 +1,12 @@
 //! Hypotheses on the columns of positions: with flipped signs, exchanged, in degrees or
 //! millimetres. Each takes a pass over some of the states.
 
-use super::grams::{Grams, MAX_STEPS};
+use super::grams::{Fit, Grams, MAX_STEPS};
+use super::unknowns::log_errors;
 use super::{
-    Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_EQUATIONS_PER_PARAMETER,
-    MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, quality,
+    Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_DOUBTED_ERROR,
+    MIN_EQUATIONS_PER_PARAMETER, MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR,
+    implausible_count, quality, worst,
 };
 use crate::identify::{Completed, Completion};
 use regen_runtime::{BaseModel, Motion};
@@ -16,12 +18,15 @@ const EQUIVALENT_RATIO: f64 = 1.05;
 const MIN_GAIN_OVER_EFFORTS: f64 = 1.5;
 /// The part of the largest error that a change of positions may leave.
 const MAX_LEFT_OF_WORST: f64 = 0.85;
-/// The largest number of positions of which all orders are tried at once.
+/// The largest number of positions of which all orders are tried at once; orders of more are found by exchanges.
 const MAX_ORDERED: usize = 4;
 /// The largest number of changes made one after the other.
 const MAX_ROUNDS: usize = 2;
 /// The smallest number of states for a hypothesis.
 const MIN_STATES: usize = 40;
+
+/// The number of hypotheses that are tried at all states.
+const FINALISTS: usize = 6;
 
 /// The number of states at which measured coordinates beyond need are compared.
 const COMPARED_STATES: usize = 60;
@@ -170,7 +175,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         (MIN_EQUATIONS_PER_PARAMETER * model.base_info().base.len()).div_ceil(info.dof().max(1));
     let states = (3 * sample.whole / all.max(1))
         .clamp(least.max(MIN_STATES), MAX_POSITION_STATES.max(least));
-    let every = sample.states.len() / states.max(1);
+    let every = (sample.states.len() / states.max(1)).max(1);
+    let few = (sample.states.len() / least.max(MIN_STATES)).max(1);
     let present = Grams::of(model, sample, &positions, every);
     let present = present.filter(Grams::closes);
     let start = present.as_ref().and_then(|g| g.fit(&plain, &[]));
@@ -188,11 +194,20 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut best_errors = None;
     for round in 0..MAX_ROUNDS {
         let mut fits: Vec<TriedCandidate> = Vec::new();
-        for (k, candidate) in candidates(model, sample, own, &positions, &read)
-            .into_iter()
-            .enumerate()
-        {
-            step(round * all + k, MAX_ROUNDS * all);
+        let mut tried = candidates(model, sample, own, &positions, &read);
+        let is_unexplained = |fit: &Fit| worst(&fit.errors) > UNEXPLAINED_ERROR;
+        if round == 0 {
+            tried.extend(as_rates(sample, &positions, &read));
+        }
+        if round == 0 && start.as_ref().is_some_and(is_unexplained) {
+            tried.extend(ordered(model, sample, few, &positions, &read));
+        }
+        let mut count = 0;
+        let tried = promising(model, sample, few, tried, &read, &mut || {
+            count += 1;
+            step(round * all + count, MAX_ROUNDS * all);
+        });
+        for candidate in tried {
             let Some(grams) = Grams::of_hypothesis(model, sample, &candidate.positions, every)
             else {
                 continue;
@@ -241,7 +256,6 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         }
     }
     let after = best_errors?;
-    let worst = |errors: &[f64]| errors.iter().fold(0.0, |m: f64, e| m.max(*e));
     if let Some(start) = &start
         && worst(&after) > MAX_LEFT_OF_WORST * worst(&start.errors)
     {
@@ -270,10 +284,189 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     Some(Change {
         efforts: read,
         positions,
-        offsets: vec![0.0; plain.len()],
         before: start.map(|fit| fit.errors).unwrap_or_default(),
         after,
-        sign: false,
+        ..Change::none(plain.len(), 0)
+    })
+}
+
+/// A change of the signs of efforts with the signs of positions instead, of all or of one of them, if that explains
+/// more: the motion of one joint alone does not tell one from the other.
+pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    efforts: &Change,
+) -> Option<Change> {
+    let info = model.info();
+    let plain = Reading::plain(efforts.efforts.len());
+    let pairs = efforts.efforts.iter().zip(&plain).enumerate();
+    let turned = |(k, (own, plain)): (usize, (&Reading, &Reading))| -> Option<(usize, usize)> {
+        let flipped = Reading {
+            factor: -1.0,
+            ..*plain
+        };
+        let place = sample
+            .measured
+            .iter()
+            .position(|c| info.actuated.get(k) == Some(c));
+        (*own == flipped).then_some((k, place?))
+    };
+    let turned: Vec<(usize, usize)> = pairs.filter_map(turned).collect();
+    let are_signs = efforts
+        .efforts
+        .iter()
+        .zip(&plain)
+        .filter(|(a, b)| a != b)
+        .count()
+        == turned.len();
+    if turned.is_empty() || !are_signs || worst(&efforts.after) < MIN_DOUBTED_ERROR {
+        return None;
+    }
+    let every = (sample.states.len() / MAX_POSITION_STATES).max(1);
+    let mut tried = vec![turned.clone()];
+    if turned.len() > 1 {
+        tried.extend(turned.iter().map(|own| vec![*own]));
+    }
+    let fit = |positions: &[Reading], read: &[Reading]| {
+        let grams = Grams::of_hypothesis(model, sample, positions, every);
+        grams.filter(Grams::closes)?.fit(read, &[])
+    };
+    let mut least = log_errors(&fit(
+        &Reading::plain(sample.measured.len()),
+        &efforts.efforts,
+    )?);
+    let mut best: Option<Change> = None;
+    for places in tried {
+        let mut positions = Reading::plain(sample.measured.len());
+        let mut read = efforts.efforts.clone();
+        for (effort, place) in places {
+            positions[place].factor = -1.0;
+            read[effort].factor = 1.0;
+        }
+        let Some(fit) = fit(&positions, &read) else {
+            continue;
+        };
+        if log_errors(&fit) + EQUIVALENT_RATIO.ln() < least {
+            least = log_errors(&fit);
+            best = Some(Change {
+                efforts: read,
+                positions,
+                after: fit.errors,
+                ..efforts.clone()
+            });
+        }
+    }
+    best
+}
+
+/// The hypotheses with the smallest product of errors at a few states, in their order.
+fn promising<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    every: usize,
+    tried: Vec<Candidate>,
+    read: &[Reading],
+    step: &mut dyn FnMut(),
+) -> Vec<Candidate> {
+    let mut errors = Vec::with_capacity(tried.len());
+    for candidate in &tried {
+        step();
+        errors.push(error_at(model, sample, every, candidate, read));
+    }
+    let mut sorted = errors.clone();
+    sorted.sort_by(f64::total_cmp);
+    let most = sorted.get(FINALISTS - 1).copied().unwrap_or(f64::INFINITY);
+    let pairs = tried.into_iter().zip(errors);
+    pairs
+        .filter(|(_, error)| error.is_finite() && *error <= most)
+        .map(|(candidate, _)| candidate)
+        .collect()
+}
+
+/// The product of errors of a hypothesis, with its efforts or with these; infinite where it cannot be fitted.
+fn error_at<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    every: usize,
+    candidate: &Candidate,
+    read: &[Reading],
+) -> f64 {
+    let grams = Grams::of_hypothesis(model, sample, &candidate.positions, every);
+    let Some(grams) = grams.filter(Grams::closes) else {
+        return f64::INFINITY;
+    };
+    let error = |efforts: &[Reading]| {
+        let fit = grams.fit(efforts, &[]);
+        fit.map_or(f64::INFINITY, |fit| quality(&fit.errors))
+    };
+    error(&candidate.efforts).min(error(read))
+}
+
+/// The order of many positions that exchanges of two, each of which explains more than the last, lead to; `None`
+/// if that is an exchange of two itself.
+fn ordered<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    every: usize,
+    positions: &[Reading],
+    efforts: &[Reading],
+) -> Option<Candidate> {
+    let count = sample.measured.len();
+    if count <= MAX_ORDERED {
+        return None;
+    }
+    let joints = model.info().joints;
+    let kind = |k: usize| {
+        sample
+            .measured
+            .get(k)
+            .and_then(|c| joints.get(*c))
+            .map(|j| j.motion)
+    };
+    let of = |positions: Vec<Reading>| Candidate {
+        positions,
+        efforts: efforts.to_vec(),
+        touched: 0,
+    };
+    let mut now = of(positions.to_vec());
+    let mut least = error_at(model, sample, every, &now, efforts);
+    for _ in 1..count {
+        let mut best = None;
+        for k in 0..count {
+            for l in (0..k).filter(|l| kind(*l) == kind(k)) {
+                let mut swapped = of(now.positions.clone());
+                swapped.positions.swap(k, l);
+                let error = error_at(model, sample, every, &swapped, efforts);
+                if error < least {
+                    (least, best) = (error, Some(swapped));
+                }
+            }
+        }
+        let Some(best) = best else { break };
+        now = best;
+    }
+    let pairs = now.positions.iter().zip(positions);
+    now.touched = pairs.filter(|(a, b)| a != b).count();
+    (now.touched > 2).then_some(now)
+}
+
+/// The order of positions with which velocities are read from their own columns, if they are not: they were given
+/// others as they are the derivatives, which does not tell which of both are in the wrong order.
+fn as_rates(sample: &Sample, positions: &[Reading], efforts: &[Reading]) -> Option<Candidate> {
+    let own = |k: usize| sample.rates_of.iter().position(|from| *from == k);
+    let order: Option<Vec<usize>> = (0..sample.rates_of.len()).map(own).collect();
+    let order = order?;
+    let read = order.iter().map(|from| positions.get(*from).copied());
+    let read: Option<Vec<Reading>> = read.collect();
+    let touched = order
+        .iter()
+        .enumerate()
+        .filter(|(k, from)| k != *from)
+        .count();
+    (touched > 0).then_some(Candidate {
+        positions: read?,
+        efforts: efforts.to_vec(),
+        touched,
     })
 }
 

@@ -4,8 +4,8 @@
 use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
 use super::{
-    EffortChange, MIN_EQUATIONS_PER_PARAMETER, Reading, Remedy, STATES, Sample, Suspicion,
-    implausible_count, quality,
+    EffortChange, MIN_DOUBTED_ERROR, MIN_EQUATIONS_PER_PARAMETER, Reading, Remedy, STATES, Sample,
+    Suspicion, implausible_count, quality,
 };
 use regen_runtime::BaseModel;
 
@@ -27,13 +27,11 @@ const MAX_LEFT_BY_NOMINAL: f64 = 0.5;
 /// motion.
 const LAGS: [f64; 3] = [0.05, 0.1, 0.2];
 /// With a smaller correlation they are noise.
-const MAX_CORRELATION_OF_NOISE: f64 = 0.35;
+pub(super) const MAX_CORRELATION_OF_NOISE: f64 = 0.35;
 /// With fewer pairs of states nothing is said of that.
 const MIN_PAIRS: usize = 50;
 /// The number of states of a short trial, unless the parameters need more.
 const FEW_STATES: usize = 150;
-/// What is left of the efforts below this is normal, and no other spec is tried.
-const MIN_DOUBTED_ERROR: f64 = 0.03;
 
 /// How well a model fits a log.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,7 +90,7 @@ fn of<M: BaseModel<f64> + ?Sized>(
 }
 
 /// The largest correlation of the residuals of any equation at [`LAGS`].
-fn correlation(sample: &Sample, grams: &Grams, fit: &Fit) -> f64 {
+pub(super) fn correlation(sample: &Sample, grams: &Grams, fit: &Fit) -> f64 {
     let time = |own: &Stored| sample.states.get(own.state).map_or(f64::NAN, |s| s.time);
     let mut out: f64 = 0.0;
     for lag in LAGS {

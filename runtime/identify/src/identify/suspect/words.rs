@@ -4,7 +4,7 @@ use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
 use super::positions::Contradiction;
-use super::{Change, FarEffort, MissingConstant, Nominal, Reading, Sample, Shift, Spikes};
+use super::{Change, FarEffort, Nominal, Reading, Sample, Shift, Spikes};
 use crate::data::{Assignment, Quantity};
 use crate::text;
 
@@ -264,45 +264,6 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         })
     }
 
-    /// The suspicion that efforts contain constants that the model lacks; `None` if there are none.
-    pub(super) fn with_constants(&self, found: &[MissingConstant]) -> Option<Suspicion> {
-        let (mut words, mut joints, mut subtract) = (Vec::new(), Vec::new(), Vec::new());
-        for own in found {
-            let source = self.effort(own.effort);
-            let coordinate = self.model.info().actuated.get(own.effort).copied();
-            let value = text::figure_of(3, own.value / source.factor);
-            words.push(format!(
-                "column `{}` contains a constant of {value} that the model lacks",
-                source.column
-            ));
-            joints.push(format!(
-                "`{}`",
-                coordinate.map_or_else(String::new, |c| self.name(c))
-            ));
-            subtract.push(format!("{value} from column `{}`", source.column));
-        }
-        let advice = format!(
-            "Give {} `offset: true` in the spec, which identifies it, or subtract {}",
-            joints.join(" and "),
-            subtract.join(" and ")
-        );
-        (!words.is_empty()).then(|| {
-            let remedy = Remedy::Read {
-                advice: vec![advice],
-                columns: Vec::new(),
-            };
-            let [before, after] = [0, 1].map(|place| {
-                let errors = found.iter().map(|own| own.errors[place]);
-                Some(100.0 * errors.fold(0.0, f64::max))
-            });
-            Suspicion {
-                error: before,
-                changed: after,
-                ..self.suspicion(words.join(", and "), remedy)
-            }
-        })
-    }
-
     /// The suspicion that a change of columns corrects the log; `None` if it changes nothing.
     ///
     /// - `nominal`: the comparison with the nominal bodies' efforts, with the change.
@@ -324,63 +285,37 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             .map(|c| Quantity::Position(self.name(*c)))
             .collect();
         let own: Vec<f64> = efforts.iter().map(|e| self.drive_gain(e)).collect();
-        let mut words = Vec::new();
-        let mut columns = Vec::new();
+        let (mut words, mut columns, mut advice) = (Vec::new(), Vec::new(), Vec::new());
+        words.extend(self.clock(change, sample, &mut columns, &mut advice));
         self.describe(&positions, &change.positions, &[], &mut words, &mut columns);
         columns.extend(self.with_derivatives(&columns, sample));
-        let mut shifted = Vec::new();
-        for (quantity, reading) in positions.iter().zip(&change.positions) {
-            if reading.offset != 0.0 {
-                let source = self.source(quantity);
-                let offset = -reading.offset / source.factor;
-                let unit = if (source.factor - 1.0).abs() < f64::EPSILON {
-                    ""
-                } else {
-                    " in its unit"
-                };
-                words.push(format!(
-                    "column `{}` looks shifted by {offset:.5}{unit}: its zero is not that of the spec",
-                    source.column
-                ));
-                shifted.push(format!("{offset:.5} from column `{}`", source.column));
-            }
+        for (place, late) in &change.late {
+            let column = positions.get(*place).map(|of| self.source(of).column);
+            let column = column.unwrap_or_default();
+            words.push(format!("column `{column}` looks {:.0} ms late", 1e3 * late));
+            advice.push(
+                "Log it at the time of the others, as no option shifts a position".to_owned(),
+            );
         }
-        self.describe(&efforts, &change.efforts, &own, &mut words, &mut columns);
-        let mut advice = Vec::new();
-        if !shifted.is_empty() {
-            advice.push(format!("Subtract {}", shifted.join(" and ")));
+        let mut read = change.efforts.clone();
+        for (reading, offset) in read.iter_mut().zip(&change.offsets) {
+            reading.offset = -offset;
         }
-        let mut shifted = Vec::new();
-        let mut symmetric = false;
-        for (k, offset) in change.offsets.iter().enumerate().filter(|o| *o.1 != 0.0) {
-            let source = self.effort(k);
-            let offset = format!("{:.4}", offset / source.factor);
-            words.push(format!(
-                "column `{}` looks shifted by a constant {offset}",
-                source.column
+        self.describe(&efforts, &read, &own, &mut words, &mut columns);
+        // friction of each direction identifies a constant, too, or else the spec can
+        let is_apart = |name: &String| {
+            let forward = Parameter::new(Symbol::Friction("Fc+"), name);
+            !info.parameters.contains(&forward)
+        };
+        let shifted = info.actuated.iter().zip(&change.offsets);
+        let shifted = shifted.filter(|(_, offset)| **offset != 0.0);
+        let joints = shifted.map(|(c, _)| self.name(*c)).filter(is_apart);
+        let joints: Vec<String> = joints.map(|name| format!("`{name}`")).collect();
+        if !joints.is_empty() {
+            advice.push(format!(
+                "Give {} `offset: true` in the spec, which identifies the constant, or take it off",
+                joints.join(" and ")
             ));
-            shifted.push(format!("{offset} from column `{}`", source.column));
-            let name = info
-                .actuated
-                .get(k)
-                .map(|c| self.name(*c))
-                .unwrap_or_default();
-            let forward = Parameter::new(Symbol::Friction("Fc+"), &name);
-            symmetric |= !info.parameters.contains(&forward);
-        }
-        if !shifted.is_empty() {
-            let subtract = format!("Subtract {}", shifted.join(" and "));
-            advice.push(match (symmetric, shifted.len()) {
-                (false, _) => subtract,
-                (true, 1) => format!(
-                    "{subtract}, or give the joint `offset: true` in the spec, which makes it a \
-                     parameter"
-                ),
-                (true, _) => format!(
-                    "{subtract}, or give these joints `offset: true` in the spec, which makes it \
-                     a parameter"
-                ),
-            });
         }
         if words.is_empty() {
             return None;
@@ -410,6 +345,37 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         })
     }
 
+    /// The words on times of another rate, with what reads them; `None` if they are right.
+    fn clock(
+        &self,
+        change: &Change,
+        sample: &Sample,
+        columns: &mut Vec<Assignment>,
+        advice: &mut Vec<String>,
+    ) -> Option<String> {
+        if (change.times - 1.0).abs() < f64::EPSILON {
+            return None;
+        }
+        let [old, new] =
+            [1.0, change.times].map(|times| text::figure_of(4, 1.0 / (sample.step * times)));
+        let mut time = self.source(&Quantity::Time);
+        let is_given = self.given.iter().any(|a| a.quantity == Quantity::Time);
+        if let (Some(title), false) = (&sample.time_column, is_given) {
+            time.column.clone_from(title);
+        }
+        if sample.titles.contains(&time.column) {
+            columns.push(Assignment {
+                factor: time.factor * change.times,
+                ..time
+            });
+        } else {
+            advice.push(format!("Give --rate {new}"));
+        }
+        Some(format!(
+            "the rate of the rows looks like {new} Hz and not {old} Hz"
+        ))
+    }
+
     /// The assignments of the velocities and accelerations that the log has, which agree with its positions,
     /// where these are read in another way.
     fn with_derivatives(&self, positions: &[Assignment], sample: &Sample) -> Vec<Assignment> {
@@ -428,6 +394,10 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             let (Some(to), Some((from, old))) = (names(&new.quantity), from) else {
                 continue;
             };
+            // another zero changes no derivative
+            if *from == to && (new.factor - old.factor).abs() < f64::EPSILON {
+                continue;
+            }
             let source = self.source(&kind(from.clone()));
             if sample.titles.contains(&source.column) {
                 out.push(Assignment {
@@ -454,7 +424,9 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
                 .get(k)
                 .map_or_else(String::new, |q| self.source(q).column)
         };
-        let plain = |k: usize, r: &Reading| r.from == k && (r.factor - 1.0).abs() < f64::EPSILON;
+        let plain = |k: usize, r: &Reading| {
+            r.from == k && (r.factor - 1.0).abs() < f64::EPSILON && r.offset == 0.0
+        };
         let changed = read.iter().enumerate().filter(|(k, r)| !plain(*k, r));
         let changed: Vec<(usize, &Reading)> = changed.collect();
         let moved: Vec<usize> = changed
@@ -467,7 +439,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             words.push(format!("columns {} look swapped", names.join(" and ")));
         }
         let mut units: Vec<(f64, Vec<String>)> = Vec::new();
-        let mut turned = Vec::new();
+        let (mut turned, mut shifted) = (Vec::new(), Vec::new());
         for (k, r) in &changed {
             let constant = own.get(*k).zip(own.get(r.from)).map_or(1.0, |(a, b)| a / b);
             let factor = r.factor / constant;
@@ -495,9 +467,30 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             } else {
                 rounded(size).copysign(factor) * constant
             };
+            if r.offset != 0.0 {
+                let value = text::figure_of(5, -r.offset / (factor * source.factor));
+                let unit = if source.unit.is_some() {
+                    " in its unit"
+                } else {
+                    ""
+                };
+                shifted.push(if matches!(to, Quantity::Effort(_)) {
+                    format!(
+                        "column `{}` contains a constant of {value}{unit} that the model lacks",
+                        source.column
+                    )
+                } else {
+                    format!(
+                        "column `{}` looks shifted by {value}{unit}: its zero is not that of the spec",
+                        source.column
+                    )
+                });
+            }
+            let offset = text::figure_of(6, source.offset * factor + r.offset);
             columns.push(Assignment {
                 quantity: to.clone(),
                 factor: source.factor * factor,
+                offset: offset.parse().unwrap_or(r.offset),
                 ..source
             });
         }
@@ -530,5 +523,6 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
                 plural.1
             ));
         }
+        words.extend(shifted);
     }
 }

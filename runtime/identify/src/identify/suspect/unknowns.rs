@@ -1,0 +1,562 @@
+//! Hypotheses on single numbers that the equations determine: a constant in an effort, the zero of a
+//! position, the rate of the rows, how late a position is. Those that explain the errors together are
+//! found by Gauss and Newton.
+
+use super::grams::{Fit, Grams, Stored, solve};
+use super::trial::{MAX_CORRELATION_OF_NOISE, correlation};
+use core::cell::Cell;
+
+use super::{
+    Change, DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample,
+    implausible_count,
+};
+use regen_runtime::{BaseModel, Motion};
+
+/// The number of states at which numbers are compared, unless the parameters need more.
+const STATES: usize = 100;
+/// How many states are computed before that ends, and for many parameters how many passes over the fewest.
+const MAX_WORK: usize = 3000;
+const MIN_PASSES: usize = 30;
+/// The step by which the effect of a number is differentiated, rad, m or s.
+const STEP: f64 = 1e-4;
+/// The largest number of steps of Gauss and Newton, and of shorter ones where one explains no more.
+const MAX_STEPS: usize = 4;
+const MAX_SHORTER: usize = 3;
+/// The largest change of a number in one of them, rad, m or s, and that of the logarithm of a rate.
+const MAX_CHANGE: f64 = 0.5;
+const MAX_CHANGE_OF_RATE: f64 = 0.8;
+/// A step that reduces the sum of the logarithms of the errors by less is the last.
+const SETTLED: f64 = 0.01;
+/// The largest number of unknowns of which a step is computed for each that is added, and the part of what the
+/// first of them explains that they do, too; of how many of these the optimum is computed, and how many are added.
+const TRIED: usize = 4;
+const NEARLY: f64 = 0.2;
+const SETTLED_TO_THE_END: usize = 2;
+const MOST: usize = 3;
+/// The deviations by which chance would have to explain the errors as well as an unknown does.
+const MIN_DEVIATIONS: f64 = 6.0;
+/// The deviations of a number up to which it may be a round one.
+const MAX_DEVIATIONS_OF_ROUND: f64 = 3.0;
+/// The factor by which an unknown must reduce the product of errors.
+const MIN_GAIN: f64 = 1.1;
+/// The same, where it changes the motion.
+const MIN_GAIN_OF_MOTION: f64 = 1.5;
+/// The smallest relative error that is compared.
+const LEAST_ERROR: f64 = 1e-3;
+/// The largest delay of a position, s; the smallest is a step of the log.
+const MAX_LATE: f64 = 0.5;
+/// The factors by which a rate is looked for: a clock is more exact, and more is another unit.
+const RATES: core::ops::Range<f64> = 1.05..10.0;
+/// Rates of rows are round: one of these times a power of ten, nearer than the first part, and than chance allows if
+/// not nearer than the second.
+const ROUND: [f64; 10] = [1.0, 1.2, 1.25, 2.0, 2.5, 3.0, 10.0 / 3.0, 4.0, 5.0, 8.0];
+const MAX_OFF_ROUND: f64 = 0.1;
+const MAX_OFF_SURELY: f64 = 0.02;
+/// The distance from a quarter of a turn from which on that is tried, rad.
+const MAX_OFF_QUARTER: f64 = 0.05;
+
+/// What one number changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Unknown {
+    /// The constant in an effort.
+    Effort(usize),
+    /// What is added to a position.
+    Position(usize),
+    /// The logarithm of the factor on the times.
+    Rate,
+    /// How late a position is, s.
+    Late(usize),
+}
+
+/// Numbers that were tried.
+#[derive(Clone)]
+struct Tried {
+    values: Vec<(Unknown, f64)>,
+    /// The states, read with them.
+    states: Sample,
+    grams: Grams,
+    fit: Fit,
+}
+
+/// Fits to some of the states of a sample, of which only so many are computed.
+struct Search<'a, M: ?Sized> {
+    model: &'a M,
+    sample: &'a Sample,
+    /// Every how manieth state is used.
+    every: usize,
+    /// How many states may still be computed.
+    left: Cell<usize>,
+}
+
+/// Finds the numbers that explain the errors, if that is no chance.
+pub(super) fn search<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    grams: &Grams,
+    now: &Fit,
+) -> Option<Change> {
+    let dof = model.info().dof().max(1);
+    let least = (super::MIN_EQUATIONS_PER_PARAMETER * grams.columns()).div_ceil(dof);
+    let few = Search {
+        model,
+        sample,
+        every: sample.states.len().div_ceil(STATES.max(least)).max(1),
+        left: Cell::new(MAX_WORK.max(MIN_PASSES * least)),
+    };
+    let mut found = few.of(Vec::new())?;
+    for _ in 0..MOST {
+        let more = few.with_one_more(&found);
+        let Some(more) = more.map(|more| few.without_needless(more)) else {
+            break;
+        };
+        if log_errors(&more.fit) >= log_errors(&found.fit) {
+            break;
+        }
+        found = more;
+        // what is left is noise, which more numbers explain by chance only
+        if found.correlation() < MAX_CORRELATION_OF_NOISE {
+            break;
+        }
+    }
+    if found.values.is_empty() {
+        return None;
+    }
+    // few states leave some noise in the numbers
+    let stored = grams.stored.len().max(1);
+    let all = Search {
+        every: sample.states.len().div_ceil(stored).max(1),
+        left: Cell::new(usize::MAX),
+        ..few
+    };
+    let found = all.of(found.values)?;
+    let found = all.stepped(&found).unwrap_or(found);
+    let found = all.rounded(found)?;
+    let of_motion = |own: &(Unknown, f64)| !matches!(own.0, Unknown::Effort(_));
+    let is_explained = !found.values.iter().any(of_motion) || found.explains(now);
+    let count = found.values.len() as f64;
+    let is_certain = found.likelihood_gain(now) > count * MIN_DEVIATIONS * MIN_DEVIATIONS;
+    let gain = gain_over(now, &found.fit);
+    let plausible =
+        implausible_count(model, &found.grams, &found.fit) <= implausible_count(model, grams, now);
+    (is_certain && plausible && is_explained && gain >= MIN_GAIN.powf(count))
+        .then(|| found.change(model, sample, now))
+}
+
+/// The sum of the logarithms of the errors.
+pub(super) fn log_errors(fit: &Fit) -> f64 {
+    fit.errors.iter().map(|e| e.max(LEAST_ERROR).ln()).sum()
+}
+
+/// The factor by which the product of the errors is smaller.
+fn gain_over(before: &Fit, after: &Fit) -> f64 {
+    (log_errors(before) - log_errors(after)).exp()
+}
+
+/// The unknowns of a log.
+fn unknowns<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Vec<Unknown> {
+    let efforts = (0..model.info().actuated.len()).map(Unknown::Effort);
+    let zeros = (0..sample.measured.len()).map(Unknown::Position);
+    let late = (0..sample.measured.len()).map(Unknown::Late);
+    // measured velocities tell the rate
+    let rate = (!sample.has_rates).then_some(Unknown::Rate);
+    efforts.chain(zeros).chain(late).chain(rate).collect()
+}
+
+/// Every `every`-th state, read with these numbers.
+fn moved(sample: &Sample, every: usize, by: &[(Unknown, f64)]) -> Sample {
+    let mut states = Vec::with_capacity(sample.states.len() / every + 1);
+    for (place, state) in sample.states.iter().enumerate().step_by(every.max(1)) {
+        let mut own: Measured = state.clone();
+        for (unknown, value) in by {
+            match unknown {
+                Unknown::Effort(k) => own
+                    .efforts
+                    .iter_mut()
+                    .skip(*k)
+                    .take(1)
+                    .for_each(|u| *u -= value),
+                Unknown::Position(k) => {
+                    own.motion[0]
+                        .iter_mut()
+                        .skip(*k)
+                        .take(1)
+                        .for_each(|q| *q += value);
+                }
+                Unknown::Rate => {
+                    own.motion[1].iter_mut().for_each(|v| *v /= value.exp());
+                    own.motion[2]
+                        .iter_mut()
+                        .for_each(|a| *a /= (2.0 * value).exp());
+                }
+                Unknown::Late(k) => {
+                    for (d, x) in later(&sample.states, place, *k, *value)
+                        .into_iter()
+                        .enumerate()
+                    {
+                        own.motion[d]
+                            .iter_mut()
+                            .skip(*k)
+                            .take(1)
+                            .for_each(|own| *own += x);
+                    }
+                }
+            }
+        }
+        states.push(own);
+    }
+    Sample {
+        measured: sample.measured.clone(),
+        unmeasured: sample.unmeasured.clone(),
+        states,
+        ..Sample::default()
+    }
+}
+
+/// By how much the motion of a coordinate is another one some time later, interpolated between the states.
+pub(super) fn later(states: &[Measured], place: usize, k: usize, by: f64) -> [f64; 3] {
+    let Some(own) = states.get(place) else {
+        return [0.0; 3];
+    };
+    let time = own.time + by;
+    let next = states.partition_point(|state| state.time < time);
+    let next = next.clamp(1, states.len().saturating_sub(1).max(1));
+    let (Some(a), Some(b)) = (states.get(next - 1), states.get(next)) else {
+        return [0.0; 3];
+    };
+    let step = b.time - a.time;
+    let part = if step > 0.0 {
+        (time - a.time) / step
+    } else {
+        0.0
+    };
+    // far from all states, as in a gap, there is nothing to interpolate
+    if !(-1.0..=2.0).contains(&part) {
+        return [0.0; 3];
+    }
+    let at = |state: &Measured, d: usize| state.motion[d].get(k).copied().unwrap_or(0.0);
+    let between = |d: usize| at(a, d) + part * (at(b, d) - at(a, d));
+    [0, 1, 2].map(|d| {
+        // positions are curved between states
+        let bend = if d == 0 {
+            -0.5 * part * (1.0 - part) * step * step * between(2)
+        } else {
+            0.0
+        };
+        between(d) + bend - at(own, d)
+    })
+}
+
+impl Tried {
+    fn correlation(&self) -> f64 {
+        correlation(&self.states, &self.grams, &self.fit)
+    }
+
+    /// Twice the logarithm of how much more likely the efforts are than after another fit, where neighbouring
+    /// states count as far as they are independent.
+    fn likelihood_gain(&self, before: &Fit) -> f64 {
+        // states that are too far apart for it are independent
+        let own = Some(self.correlation()).filter(|own| *own < 1.0);
+        let own = own.unwrap_or(0.0).min(0.99);
+        let states = self.grams.stored.len() as f64 * (1.0 - own) / (1.0 + own);
+        2.0 * states * (log_errors(before) - log_errors(&self.fit))
+    }
+
+    /// Whether each effort that is explained better than before is explained: a motion that is read in another
+    /// way can explain a little of what has another cause.
+    fn explains(&self, before: &Fit) -> bool {
+        let gain = gain_over(before, &self.fit);
+        let mut pairs = self.fit.errors.iter().zip(&before.errors);
+        gain >= MIN_GAIN_OF_MOTION
+            && pairs.all(|(after, before)| {
+                *after < DOUBTED_ERROR
+                    || *before < MIN_GAIN * after
+                    || *before > MIN_GAIN_PER_COLUMN * after
+            })
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        let pairs = self.fit.errors.iter().zip(&self.fit.spreads);
+        pairs
+            .map(|(error, spread)| 1.0 / (error * spread).max(f64::MIN_POSITIVE))
+            .collect()
+    }
+
+    /// Whether these numbers explain more than fewer of them do, by more than chance.
+    fn adds_to(&self, fewer: &Self) -> bool {
+        self.likelihood_gain(&fewer.fit) > MIN_DEVIATIONS * MIN_DEVIATIONS
+            && gain_over(&fewer.fit, &self.fit) > MIN_GAIN
+    }
+
+    fn residuals(&self) -> Vec<f64> {
+        let weights = self.weights();
+        let each = self.grams.stored.iter().flat_map(|own| {
+            let pairs = weights.iter().enumerate();
+            pairs
+                .map(|(i, weight)| weight * own.residual(i, &self.fit.values))
+                .collect::<Vec<_>>()
+        });
+        each.collect()
+    }
+
+    fn change<M: BaseModel<f64> + ?Sized>(&self, model: &M, sample: &Sample, now: &Fit) -> Change {
+        let mut out = Change::none(model.info().actuated.len(), sample.measured.len());
+        for (unknown, value) in &self.values {
+            match unknown {
+                Unknown::Effort(k) => out
+                    .offsets
+                    .iter_mut()
+                    .skip(*k)
+                    .take(1)
+                    .for_each(|own| *own = *value),
+                Unknown::Position(k) => {
+                    out.positions
+                        .iter_mut()
+                        .skip(*k)
+                        .take(1)
+                        .for_each(|own| own.offset = *value);
+                }
+                Unknown::Rate => out.times = value.exp(),
+                Unknown::Late(k) => out.late.push((*k, *value)),
+            }
+        }
+        out.before.clone_from(&now.errors);
+        out.after.clone_from(&self.fit.errors);
+        out
+    }
+}
+
+impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
+    /// The states, read with these numbers, and their sums; `None` if the loops do not close, or it was enough.
+    fn sums(&self, values: &[(Unknown, f64)]) -> Option<(Sample, Grams)> {
+        let count = self.sample.states.len().div_ceil(self.every);
+        self.left.set(self.left.get().checked_sub(count)?);
+        let own = moved(self.sample, self.every, values);
+        let grams = Grams::of(self.model, &own, &Reading::plain(own.measured.len()), 1)?;
+        Some((own, grams))
+    }
+
+    /// A fit with these numbers.
+    fn of(&self, values: Vec<(Unknown, f64)>) -> Option<Tried> {
+        let (states, grams) = self.sums(&values)?;
+        let efforts = self.model.info().actuated.len();
+        let fit = grams.fit(&Reading::plain(efforts), &[])?;
+        Some(Tried {
+            values,
+            states,
+            grams,
+            fit,
+        })
+    }
+
+    /// The change of the weighted residuals with a number, without what the parameters make good.
+    fn slope(&self, at: &Tried, unknown: Unknown) -> Option<Vec<f64>> {
+        let weights = at.weights();
+        let rows = at.grams.rows();
+        let mut slopes = Vec::with_capacity(at.grams.stored.len() * rows);
+        if let Unknown::Effort(k) = unknown {
+            for own in &at.grams.stored {
+                slopes.extend((0..rows).zip(&weights).map(|(i, weight)| {
+                    -weight * own.transfer.get(k * rows + i).copied().unwrap_or(0.0)
+                }));
+            }
+        } else {
+            let mut values = at.values.clone();
+            match values.iter_mut().find(|own| own.0 == unknown) {
+                Some(own) => own.1 += STEP,
+                None => values.push((unknown, STEP)),
+            }
+            let (_, ahead) = self.sums(&values)?;
+            for own in &at.grams.stored {
+                // a state that does not close with the step says nothing
+                let other = ahead.stored.binary_search_by_key(&own.state, |o| o.state);
+                let other = other
+                    .ok()
+                    .and_then(|place| ahead.stored.get(place))
+                    .unwrap_or(own);
+                slopes.extend(weights.iter().enumerate().map(|(i, weight)| {
+                    let change =
+                        other.residual(i, &at.fit.values) - own.residual(i, &at.fit.values);
+                    weight * change / STEP
+                }));
+            }
+        }
+        let stored: Vec<&Stored> = at.grams.stored.iter().collect();
+        let free = at.grams.without_parameters(&stored, &weights, &slopes)?;
+        // a number that the parameters make good, as the zero of a first joint about gravity, has no slope
+        (dot(&free, &free) > 1e-12 * dot(&slopes, &slopes) && dot(&free, &free) > 0.0)
+            .then_some(free)
+    }
+
+    /// These numbers after a step of Gauss and Newton; `None` if it explains no more.
+    fn stepped(&self, from: &Tried) -> Option<Tried> {
+        let slopes = from.values.iter().map(|own| self.slope(from, own.0));
+        self.along(from, &slopes.collect::<Option<Vec<_>>>()?)
+    }
+
+    /// As [`stepped`](Self::stepped), with these changes of the residuals with each number.
+    fn along(&self, from: &Tried, slopes: &[Vec<f64>]) -> Option<Tried> {
+        let n = slopes.len();
+        let mut gram = vec![0.0; n * n];
+        for (a, x) in slopes.iter().enumerate() {
+            for (b, y) in slopes[..=a].iter().enumerate() {
+                gram[a * n + b] = dot(x, y);
+            }
+        }
+        let residuals = from.residuals();
+        let right: Vec<f64> = slopes.iter().map(|slope| -dot(slope, &residuals)).collect();
+        let steps = solve(&mut gram, &right)?;
+        let mut part = 1.0;
+        for _ in 0..MAX_SHORTER {
+            let mut values = from.values.clone();
+            for (own, step) in values.iter_mut().zip(&steps) {
+                let step = part * step;
+                own.1 += match own.0 {
+                    Unknown::Effort(_) => step,
+                    Unknown::Late(_) => step.clamp(-0.2 * MAX_CHANGE, 0.2 * MAX_CHANGE),
+                    Unknown::Rate => step.clamp(-MAX_CHANGE_OF_RATE, MAX_CHANGE_OF_RATE),
+                    Unknown::Position(_) => step.clamp(-MAX_CHANGE, MAX_CHANGE),
+                };
+            }
+            if let Some(next) = self.of(values)
+                && next.grams.closes()
+                && log_errors(&next.fit) < log_errors(&from.fit)
+            {
+                return Some(next);
+            }
+            part *= 0.3;
+        }
+        None
+    }
+
+    /// The numbers at their optimum.
+    fn settled(&self, mut own: Tried) -> Tried {
+        for _ in 0..MAX_STEPS {
+            let Some(next) = self.stepped(&own) else {
+                break;
+            };
+            let less = log_errors(&own.fit) - log_errors(&next.fit);
+            own = next;
+            if less < SETTLED {
+                break;
+            }
+        }
+        own
+    }
+
+    /// These numbers and the one more that explains most at its optimum, if that is no chance.
+    fn with_one_more(&self, from: &Tried) -> Option<Tried> {
+        let residuals = from.residuals();
+        let mut first: Vec<(f64, Unknown, Vec<f64>)> = Vec::new();
+        for unknown in unknowns(self.model, self.sample) {
+            let is_known = from.values.iter().any(|own| own.0 == unknown);
+            if let (false, Some(slope)) = (is_known, self.slope(from, unknown)) {
+                let part = dot(&slope, &residuals).powi(2) / dot(&slope, &slope);
+                first.push((part, unknown, slope));
+            }
+        }
+        first.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let most = first.first()?.0;
+        first.retain(|(part, ..)| *part >= NEARLY * most);
+        // the best of a first step are computed to the end
+        let mut begun: Vec<Tried> = Vec::new();
+        for (_, unknown, slope) in first.into_iter().take(TRIED) {
+            let mut with = from.clone();
+            with.values.push((unknown, 0.0));
+            // the others stay where they are at first
+            let mut slopes = vec![vec![0.0; slope.len()]; from.values.len()];
+            slopes.push(slope);
+            begun.extend(self.along(&with, &slopes));
+        }
+        begun.sort_by(|a, b| log_errors(&a.fit).total_cmp(&log_errors(&b.fit)));
+        begun.truncate(SETTLED_TO_THE_END);
+        let ended = begun.into_iter().map(|own| self.settled(own));
+        let ended = ended.filter(|own| self.matters(own) && own.adds_to(from));
+        ended.min_by(|a, b| log_errors(&a.fit).total_cmp(&log_errors(&b.fit)))
+    }
+
+    /// These numbers without those that the others make needless.
+    fn without_needless(&self, mut from: Tried) -> Tried {
+        while from.values.len() > 1 {
+            let less = (0..from.values.len()).filter_map(|k| {
+                let mut values = from.values.clone();
+                values.remove(k);
+                Some(self.settled(self.of(values)?))
+            });
+            let best = less.min_by(|a, b| log_errors(&a.fit).total_cmp(&log_errors(&b.fit)));
+            match best.filter(|less| !from.adds_to(less)) {
+                Some(less) => from = less,
+                None => break,
+            }
+        }
+        from
+    }
+
+    /// Whether the last number is large enough to be told, and of a possible size.
+    fn matters(&self, tried: &Tried) -> bool {
+        let Some((unknown, value)) = tried.values.last() else {
+            return false;
+        };
+        let states = &self.sample.states;
+        match unknown {
+            Unknown::Effort(k) => {
+                let squares = states
+                    .iter()
+                    .filter_map(|s| s.efforts.get(*k))
+                    .map(|u| u * u);
+                let rms = (squares.sum::<f64>() / states.len() as f64).sqrt();
+                value.abs() > MIN_OFFSET_PART * rms
+            }
+            Unknown::Late(_) => *value > self.sample.step && *value < MAX_LATE,
+            Unknown::Rate => RATES.contains(&value.abs().exp()),
+            Unknown::Position(_) => true,
+        }
+    }
+
+    /// Numbers that are nearly round are round; `None` if a rate is not, as then it has another cause.
+    fn rounded(&self, from: Tried) -> Option<Tried> {
+        let mut values = from.values.clone();
+        let mut is_doubted_rate = false;
+        for (unknown, value) in &mut values {
+            match unknown {
+                Unknown::Rate => {
+                    let rate = 1.0 / (self.sample.step * value.exp());
+                    let ten = 10.0_f64.powf(rate.log10().floor());
+                    let near = ROUND.iter().chain(&[10.0]).map(|round| round * ten);
+                    let off = |a: &f64| (a / rate).ln().abs();
+                    let near = near.min_by(|a, b| off(a).total_cmp(&off(b)))?;
+                    if off(&near) > MAX_OFF_ROUND {
+                        return None;
+                    }
+                    *value = -(near * self.sample.step).ln();
+                    is_doubted_rate |= off(&near) > MAX_OFF_SURELY;
+                }
+                Unknown::Position(k) => {
+                    let joints = self.model.info().joints;
+                    let joint = self.sample.measured.get(*k).and_then(|c| joints.get(*c));
+                    let quarter = core::f64::consts::FRAC_PI_2;
+                    let near = quarter * (*value / quarter).round();
+                    let turns = joint.is_some_and(|joint| joint.motion == Motion::Rotation);
+                    if turns && near != 0.0 && (near - *value).abs() < MAX_OFF_QUARTER {
+                        *value = near;
+                    }
+                }
+                _ => {}
+            }
+        }
+        if values == from.values {
+            return Some(from);
+        }
+        let round = self.of(values)?;
+        let is_as_likely = from.likelihood_gain(&round.fit) < MAX_DEVIATIONS_OF_ROUND.powi(2);
+        let has_rate = from.values.iter().any(|own| own.0 == Unknown::Rate);
+        if is_as_likely || (has_rate && !is_doubted_rate) {
+            Some(round)
+        } else {
+            (!is_doubted_rate).then_some(from)
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
