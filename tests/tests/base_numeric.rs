@@ -2,6 +2,7 @@
 //! observation matrix (Gautier, 1991), from the regressor of the second derivation.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use regen_codegen::base::Exactness;
@@ -308,7 +309,10 @@ fn arm_with_named_angles(seed: u64) -> String {
         "pi/6 - 3*be",
     ];
     let mut random = Random::new(seed);
-    let mut one_of = |all: &[&'static str]| all[random.uniform(0.0, all.len() as f64) as usize];
+    let mut one_of = |all: &[&'static str]| {
+        let at = random.uniform(0.0, all.len() as f64);
+        all[(1..all.len()).filter(|k| at >= *k as f64).count()]
+    };
     let mut text = format!(
         "name: arm\ngeometry: {{al: {}, be: {}, l: 0.37, h: {}}}\nlimbs:\n  - name: arm\n    \
          base: {{rpy: [{}, {}, 0]}}\n    joints:\n",
@@ -329,8 +333,10 @@ fn arm_with_named_angles(seed: u64) -> String {
             let (x, z) = (one_of(&["0", "l"]), one_of(&["0", "h"]));
             format!("origin: {{xyz: [{x}, 0, {z}], rpy: [{rpy}]}}")
         };
-        text +=
-            &format!("      - {{name: q{k}, type: {kind}, {frame}, body: {k}, actuated: true}}\n");
+        let _ = writeln!(
+            text,
+            "      - {{name: q{k}, type: {kind}, {frame}, body: {k}, actuated: true}}"
+        );
     }
     text
 }
