@@ -212,8 +212,10 @@ pub(crate) fn kind(reading: &ReadingArgs) -> EquationKind {
 }
 
 /// What is done with joints that stand still.
-const LOCK: &str = "joints that never move can be locked, by `regen import --lock` or as `type: fixed` in the spec; \
-                    rows that are separate poses are read with --poses";
+const LOCK: &str = "joints that never move can be locked, by `regen import --lock` or as `type: fixed` in the spec";
+/// What is done with rows that are poses at rest.
+const POSES: &str = "they jump from row to row as separate poses do, which are read with --poses in place of a \
+                     rate: it identifies the parameters of gravity";
 
 /// Adds to the message of an error of too little motion the joints that do not move in any log.
 pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {
@@ -224,7 +226,12 @@ pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {
         .collect();
     let rests = (!still.is_empty()).then(|| {
         let still = still.join(", ");
-        format!("\n  no log has motion of {still} beyond its noise: {LOCK}")
+        let what = if reports.iter().any(|report| report.are_poses) {
+            POSES
+        } else {
+            LOCK
+        };
+        format!("\n  no log has motion of {still} beyond its noise: {what}")
     });
     let divided = reports.iter().filter_map(said_of_stretches);
     match failure {
@@ -254,12 +261,16 @@ fn said_of_stretches(report: &FileReport) -> Option<String> {
 pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
         if !report.still.is_empty() {
-            terminal::note(&format!(
-                "warning: {}: without motion: {}; parameters that only it determines cannot be identified; \
-                 {LOCK}",
-                report.file,
-                report.still.join(", ")
-            ));
+            let still = report.still.join(", ");
+            terminal::note(&if report.are_poses {
+                format!("warning: {}: without motion: {still}; {POSES}", report.file)
+            } else {
+                format!(
+                    "warning: {}: without motion: {still}; parameters that only it determines cannot be \
+                     identified; {LOCK}",
+                    report.file
+                )
+            });
         }
         if let Some((first, last)) = report.uncut {
             terminal::note(&format!(

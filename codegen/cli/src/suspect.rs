@@ -156,6 +156,10 @@ pub(crate) fn doubts(
     let working = progress::later("checking the columns");
     let mut out = Vec::new();
     for (k, report) in logs.reports().iter().enumerate() {
+        // derivatives of separate poses tell nothing of signs, units or rates
+        if report.are_poses {
+            continue;
+        }
         let Ok(sample) = logs.sample(k) else { continue };
         let columns = LogColumns {
             file: &report.file,

@@ -541,6 +541,29 @@ fn gravity_is_identified_from_poses_at_rest_by_an_option_or_a_key() {
     );
     let run = regen(&dir, &[&option[..], &["--energy", "1"]].concat()).ended(2);
     assert!(run.err.contains("cannot be used with"), "{}", run.err);
+    // poses that are read as a motion are told, and no sign, unit or rate is made of what their differences say
+    let mut text = "pose,q1,q2,tau_q1,tau_q2\n".to_owned();
+    for k in 0..60 {
+        let random = |seed: i32| (43758.5453 * (12.9898 * f64::from(seed)).sin()).fract();
+        let (q1, q2) = (2.0 * random(k), 2.0 * random(k + 100));
+        let second = 9.81 * 0.3 * (q1 + q2).cos();
+        let first = 9.81 * 1.1 * q1.cos() + second;
+        let _ = writeln!(text, "{k},{q1},{q2},{first},{second}");
+    }
+    fs::write(dir.join("jumps.csv"), text).unwrap();
+    let run = regen(&dir, &["identify", "arm.yaml", "jumps.csv", "--rate", "1"]);
+    assert_ne!(run.code, 0, "{}", run.out);
+    assert!(
+        run.err
+            .contains("as separate poses do, which are read with --poses"),
+        "{}",
+        run.err
+    );
+    assert!(
+        !run.err.contains("ead it with") && !run.err.contains("looks"),
+        "{}",
+        run.err
+    );
     let text =
         "process: {motion: poses, filter: none, delay: auto}\nruns: [{files: [poses.csv]}]\n";
     fs::write(dir.join("runs.yaml"), text).unwrap();

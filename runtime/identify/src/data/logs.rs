@@ -39,6 +39,8 @@ pub struct FileReport {
     pub velocities: bool,
     /// The names of the measured coordinates that do not move, or by no more than their noise.
     pub still: Vec<String>,
+    /// Whether one of these changes by more from row to row than noise of a sensor does: the rows are separate poses.
+    pub are_poses: bool,
     /// The names of the coordinates of whose squared accelerations in the last pass at least 95 % are
     /// noise of their positions; none where accelerations are not computed from positions.
     pub noisy: Vec<String>,
@@ -109,6 +111,9 @@ const MAX_SUPPORT_ROWS: usize = 1_000_000;
 /// The part of the squared accelerations of a coordinate from which on their noise is told: inertia that
 /// acts through them is then found twenty times too small.
 const NOISE_PART: f64 = 0.95;
+/// A position that goes on as noise does but changes from row to row by more than this, rad or m, is that of
+/// separate poses.
+const MIN_POSE_TRAVEL: f64 = 0.02;
 /// The part of a coordinate's rms speed below which it may stick; a swing spends one part in forty of
 /// its time there.
 const STICKING_PART: f64 = 0.05;
@@ -266,12 +271,14 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let entries = file.layout.positions().zip(&file.layout.measured);
             let constant = entries.zip(&encoders);
             let constant = constant.filter(|((entry, _), encoder)| encoder.still && read(entry));
+            let are_poses = (constant.clone()).any(|(_, encoder)| encoder.travel > MIN_POSE_TRAVEL);
             let still = constant.filter_map(|((_, c), _)| info.coordinates.get(*c));
             let repeats = repeated(&sketch, &reports);
             reports.push(FileReport {
                 repeats,
                 sketch,
                 still: still.map(|name| (*name).to_owned()).collect(),
+                are_poses,
                 noisy: Vec::new(),
                 uncut: survey.uncut,
                 file: name,
