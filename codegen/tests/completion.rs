@@ -282,20 +282,20 @@ fn factors_that_are_right_only_at_the_given_values_are_marked() {
 #[test]
 fn no_formula_in_names_is_made_with_a_number_known_by_its_digits() {
     let text = "name: tilted
-geometry: {e: 0.45, r: 0.22, s: 0.41, u: 0.33, twist: 0.7, tilt: 0.28}
+geometry: {e: 0.45, r: 0.22, s: 0.41, u: 0.33}
 limbs:
   - name: table
     joints: [{name: z, type: revolute, body: table, actuated: true}]
   - name: left
     from: table
-    base: {xyz: [0.12, 0.04, 0.1], rpy: [pi/2 - tilt, 0, 0]}
+    base: {xyz: [0.12, 0.04, 0.1], rpy: [pi/2 - 0.28, 0, 0]}
     joints:
       - {name: q1, type: revolute, body: crank, actuated: true}
       - {name: q2, type: revolute, dh: {a: r}, body: coupler}
-      - {name: q4, type: revolute, dh: {alpha: twist, a: s/2, d: 0.05}, body: tool, actuated: true}
+      - {name: q4, type: revolute, dh: {alpha: 0.7, a: s/2, d: 0.05}, body: tool, actuated: true}
   - name: right
     from: table
-    base: {xyz: [0.12 + e, 0.04, 0.1], rpy: [pi/2 - tilt, 0, 0]}
+    base: {xyz: [0.12 + e, 0.04, 0.1], rpy: [pi/2 - 0.28, 0, 0]}
     joints: [{name: q3, type: revolute, body: rocker}]
 cuts:
   - {name: k, joint: revolute, between: [{body: coupler, xyz: [s, 0, 0]}, {body: rocker, xyz: [u, 0, 0]}]}

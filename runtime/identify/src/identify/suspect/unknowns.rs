@@ -35,6 +35,8 @@ const SETTLED_TO_THE_END: usize = 2;
 const MOST: usize = 3;
 /// The deviations by which chance would have to explain the errors as well as an unknown does.
 const MIN_DEVIATIONS: f64 = 6.0;
+/// The same of the first unknown at few states.
+const MIN_DEVIATIONS_OF_FIRST: f64 = 3.0;
 /// The deviations of a number up to which it may be a round one.
 const MAX_DEVIATIONS_OF_ROUND: f64 = 3.0;
 /// The factor by which an unknown must reduce the product of errors.
@@ -97,6 +99,9 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
 ) -> Option<Change> {
     let dof = model.info().dof().max(1);
     let least = (super::MIN_EQUATIONS_PER_PARAMETER * grams.columns()).div_ceil(dof);
+    if sample.states.len() < least {
+        return None;
+    }
     let few = Search {
         model,
         sample,
@@ -283,7 +288,13 @@ impl Tried {
 
     /// Whether these numbers explain more than fewer of them do, by more than chance.
     fn adds_to(&self, fewer: &Self) -> bool {
-        self.likelihood_gain(&fewer.fit) > MIN_DEVIATIONS * MIN_DEVIATIONS
+        // the first number is compared with all states in the end
+        let deviations = if fewer.values.is_empty() {
+            MIN_DEVIATIONS_OF_FIRST
+        } else {
+            MIN_DEVIATIONS
+        };
+        self.likelihood_gain(&fewer.fit) > deviations * deviations
             && gain_over(&fewer.fit, &self.fit) > MIN_GAIN
     }
 
