@@ -35,8 +35,8 @@ const SETTLED_TO_THE_END: usize = 2;
 const MOST: usize = 3;
 /// The deviations by which chance would have to explain the errors as well as an unknown does.
 const MIN_DEVIATIONS: f64 = 6.0;
-/// The same of the first unknown at few states.
-const MIN_DEVIATIONS_OF_FIRST: f64 = 3.0;
+/// The same of a constant in an effort, alone, at few states.
+const MIN_DEVIATIONS_OF_CONSTANT: f64 = 3.0;
 /// The deviations of a number up to which it may be a round one.
 const MAX_DEVIATIONS_OF_ROUND: f64 = 3.0;
 /// The factor by which an unknown must reduce the product of errors.
@@ -288,9 +288,10 @@ impl Tried {
 
     /// Whether these numbers explain more than fewer of them do, by more than chance.
     fn adds_to(&self, fewer: &Self) -> bool {
-        // the first number is compared with all states in the end
-        let deviations = if fewer.values.is_empty() {
-            MIN_DEVIATIONS_OF_FIRST
+        // a constant is compared with all states in the end
+        let is_constant = |own: &(Unknown, f64)| matches!(own.0, Unknown::Effort(_));
+        let deviations = if fewer.values.is_empty() && self.values.iter().all(is_constant) {
+            MIN_DEVIATIONS_OF_CONSTANT
         } else {
             MIN_DEVIATIONS
         };
