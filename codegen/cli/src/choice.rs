@@ -138,6 +138,7 @@ pub(crate) fn pin_delays(choice: &Choice, reading: &mut ReadingArgs) {
 /// delays, the filter that would be chosen in place of a given one, else instrumental variables; `None` where
 /// no value is biased.
 ///
+/// - `start`, `file`: the result of least squares, and its values with their statuses;
 /// - `filter`: the one that was chosen, `None` where it was given; `on_time`: the options with corrected delays,
 ///   where they are not.
 pub(crate) fn bias_remedy(

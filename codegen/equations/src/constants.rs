@@ -58,13 +58,13 @@ impl Known {
         // powers of cosine and sine up to the second
         const POWERS: [[u8; 2]; 5] = [[1, 0], [0, 1], [2, 0], [1, 1], [0, 2]];
         let of_angle = |(angle, value): &(String, f64)| -> Vec<(f64, Vec<Sine>)> {
-            let (sin, cos) = value.sin_cos();
+            let (sin, cos) = (libm::sin(*value), libm::cos(*value));
             let product = |powers: [u8; 2]| {
                 let factors = [("cos", cos), ("sin", sin)].into_iter().zip(powers);
                 let factors: Vec<_> = factors.filter(|(_, power)| *power > 0).collect();
                 let value = factors
                     .iter()
-                    .map(|((_, x), power)| x.powi(i32::from(*power)));
+                    .map(|((_, x), power)| if *power == 2 { x * x } else { *x });
                 let sines = factors.iter().map(|((function, _), power)| Sine {
                     function,
                     angle: angle.clone(),

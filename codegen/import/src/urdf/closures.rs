@@ -166,7 +166,8 @@ fn closure(element: &Element, tree: &Tree, fields: &mut Fields<'_>) -> Option<Lo
     let (kind, sides) = match axes {
         // the first axis of a universal joint is x before it, the second one y behind it
         Some([a, b]) if kind == "universal" => {
-            if dot(a, b).abs() == 1.0 {
+            let [x, y] = in_world(tree, [&first, &second], [a, b]);
+            if norm(cross(x, y)) <= PARALLEL {
                 let message = format!("the universal closure '{name}' has one axis");
                 let hint =
                     format!("write <{first_name}_axis xyz=\"...\"/> and <{second_name}_axis .../>");
@@ -176,8 +177,7 @@ fn closure(element: &Element, tree: &Tree, fields: &mut Fields<'_>) -> Option<Lo
         }
         Some([a, b]) => {
             // axes that point apart where the file draws them are those of the same hinge too
-            let [x, y] = [(first, a), (second, b)]
-                .map(|(side, axis)| times(&tree.at_zero(side.link).then(&side.pose).r, axis));
+            let [x, y] = in_world(tree, [&first, &second], [a, b]);
             let b = if dot(x, y) < 0.0 { scaled(b, -1.0) } else { b };
             (kind, [first.with_axis('z', a), second.with_axis('z', b)])
         }
@@ -195,6 +195,12 @@ fn closure(element: &Element, tree: &Tree, fields: &mut Fields<'_>) -> Option<Lo
         kind: kind.to_owned(),
         sides,
     })
+}
+
+/// Directions in the frames of two sides, in the world where the file draws the robot.
+fn in_world(tree: &Tree, sides: [&Side; 2], axes: [V3; 2]) -> [V3; 2] {
+    let [first, second] = sides.map(|side| tree.at_zero(side.link).then(&side.pose).r);
+    [times(&first, axes[0]), times(&second, axes[1])]
 }
 
 /// The direction about which both links turn, in each of the two frames, if it is the same one where

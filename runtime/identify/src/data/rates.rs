@@ -285,6 +285,18 @@ impl Rates {
 
 /// Ratios of a velocity to the rate of its position that a wrong unit of time causes.
 const CLOCKS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
+/// Ratios that a wrong unit of the velocity causes, with the unit in words and for an assignment.
+const OF_VELOCITIES: [(f64, &str, &str); 3] = [
+    (57.295_779_513_082_32, "degrees per second", "deg/s"),
+    (9.549_296_585_513_72, "revolutions per minute", "rpm"),
+    (1e3, "millimetres per second", "mm/s"),
+];
+/// Ratios that a wrong unit of the position causes.
+const OF_POSITIONS: [(f64, &str, &str); 2] = [
+    (0.017_453_292_519_943_295, "degrees", "deg"),
+    (1e-3, "millimetres", "mm"),
+];
+
 /// The unit of time that most ratios of a velocity to the rate of its position have in common, where none is
 /// right; another unit of all velocities is no reason against it.
 fn clock_of(sizes: &[f64]) -> Option<(f64, &'static str)> {
@@ -300,18 +312,6 @@ fn clock_of(sizes: &[f64]) -> Option<(f64, &'static str)> {
         .find(|(of, _)| 2 * have(*of) > sizes.len())
         .map(|own| own.1)
 }
-
-/// Ratios that a wrong unit of the velocity causes, with the unit in words and for an assignment.
-const OF_VELOCITIES: [(f64, &str, &str); 3] = [
-    (57.295_779_513_082_32, "degrees per second", "deg/s"),
-    (9.549_296_585_513_72, "revolutions per minute", "rpm"),
-    (1e3, "millimetres per second", "mm/s"),
-];
-/// Ratios that a wrong unit of the position causes.
-const OF_POSITIONS: [(f64, &str, &str); 2] = [
-    (0.017_453_292_519_943_295, "degrees", "deg"),
-    (1e-3, "millimetres", "mm"),
-];
 
 /// The factor by which most velocities, of two positions at least, are too large, if none is right and no unit of
 /// theirs is why: then the clock is wrong.

@@ -346,7 +346,7 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
         let Some(fit) = fit(&positions, &read) else {
             continue;
         };
-        if log_errors(&fit) + EQUIVALENT_RATIO.ln() < least {
+        if log_errors(&fit) + libm::log(EQUIVALENT_RATIO) < least {
             least = log_errors(&fit);
             best = Some(Change {
                 efforts: read,

@@ -143,18 +143,21 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let gain = gain_over(now, &found.fit);
     let plausible =
         implausible_count(model, &found.grams, &found.fit) <= implausible_count(model, grams, now);
-    (is_certain && plausible && is_explained && gain >= MIN_GAIN.powf(count))
+    (is_certain && plausible && is_explained && gain >= libm::pow(MIN_GAIN, count))
         .then(|| found.change(model, sample, now))
 }
 
 /// The sum of the logarithms of the errors.
 pub(super) fn log_errors(fit: &Fit) -> f64 {
-    fit.errors.iter().map(|e| e.max(LEAST_ERROR).ln()).sum()
+    fit.errors
+        .iter()
+        .map(|e| libm::log(e.max(LEAST_ERROR)))
+        .sum()
 }
 
 /// The factor by which the product of the errors is smaller.
 fn gain_over(before: &Fit, after: &Fit) -> f64 {
-    (log_errors(before) - log_errors(after)).exp()
+    libm::exp(log_errors(before) - log_errors(after))
 }
 
 /// The unknowns of a log.
@@ -188,10 +191,12 @@ fn moved(sample: &Sample, every: usize, by: &[(Unknown, f64)]) -> Sample {
                         .for_each(|q| *q += value);
                 }
                 Unknown::Rate => {
-                    own.motion[1].iter_mut().for_each(|v| *v /= value.exp());
+                    own.motion[1]
+                        .iter_mut()
+                        .for_each(|v| *v /= libm::exp(*value));
                     own.motion[2]
                         .iter_mut()
-                        .for_each(|a| *a /= (2.0 * value).exp());
+                        .for_each(|a| *a /= libm::exp(2.0 * value));
                 }
                 Unknown::Late(k) => {
                     for (d, x) in later(&sample.states, place, *k, *value)
@@ -327,7 +332,7 @@ impl Tried {
                         .take(1)
                         .for_each(|own| own.offset = *value);
                 }
-                Unknown::Rate => out.times = value.exp(),
+                Unknown::Rate => out.times = libm::exp(*value),
                 Unknown::Late(k) => out.late.push((*k, *value)),
             }
         }
@@ -519,7 +524,7 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
                 value.abs() > MIN_OFFSET_PART * rms
             }
             Unknown::Late(_) => *value > self.sample.step && *value < MAX_LATE,
-            Unknown::Rate => RATES.contains(&value.abs().exp()),
+            Unknown::Rate => RATES.contains(&libm::exp(value.abs())),
             Unknown::Position(_) => true,
         }
     }
@@ -531,15 +536,15 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
         for (unknown, value) in &mut values {
             match unknown {
                 Unknown::Rate => {
-                    let rate = 1.0 / (self.sample.step * value.exp());
-                    let ten = 10.0_f64.powf(rate.log10().floor());
+                    let rate = 1.0 / (self.sample.step * libm::exp(*value));
+                    let ten = libm::pow(10.0, libm::log10(rate).floor());
                     let near = ROUND.iter().chain(&[10.0]).map(|round| round * ten);
-                    let off = |a: &f64| (a / rate).ln().abs();
+                    let off = |a: &f64| libm::log(a / rate).abs();
                     let near = near.min_by(|a, b| off(a).total_cmp(&off(b)))?;
                     if off(&near) > MAX_OFF_ROUND {
                         return None;
                     }
-                    *value = -(near * self.sample.step).ln();
+                    *value = -libm::log(near * self.sample.step);
                     is_doubted_rate |= off(&near) > MAX_OFF_SURELY;
                 }
                 Unknown::Position(k) => {
