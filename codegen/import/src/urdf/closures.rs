@@ -158,6 +158,7 @@ fn closure(element: &Element, tree: &Tree, fields: &mut Fields<'_>) -> Option<Lo
     let own =
         |name: &str, fields: &mut Fields<'_>| direction(element, &format!("{name}_axis"), fields);
     let axes = [own(first_name, fields), own(second_name, fields)];
+    let are_both_stated = axes.iter().all(Option::is_some);
     let axes = match (both, axes) {
         (_, [Some(a), Some(b)]) => Some([a, b]),
         (_, [Some(a), None] | [None, Some(a)]) | (Some(a), _) => Some([a, a]),
@@ -167,7 +168,7 @@ fn closure(element: &Element, tree: &Tree, fields: &mut Fields<'_>) -> Option<Lo
         // the first axis of a universal joint is x before it, the second one y behind it
         Some([a, b]) if kind == "universal" => {
             let [x, y] = in_world(tree, [&first, &second], [a, b]);
-            if norm(cross(x, y)) <= PARALLEL {
+            if !are_both_stated || norm(cross(x, y)) <= PARALLEL {
                 let message = format!("the universal closure '{name}' has one axis");
                 let hint =
                     format!("write <{first_name}_axis xyz=\"...\"/> and <{second_name}_axis .../>");
