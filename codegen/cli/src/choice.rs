@@ -78,31 +78,36 @@ pub(crate) fn repeat_or_make(
     Ok(None)
 }
 
-/// Chooses a filter for a fit of unknown gains and payloads, from the runs without a payload where there
-/// are some, and with the robot alone: currents of unknown gain count in A, and a payload as part of the
-/// body that carries it.
+/// Chooses how the logs of a fit of unknown gains and payloads are read, from the runs without a payload or, where
+/// all carry one, from those with the same, as part of the body that carries it.
+///
+/// - `gains`: those of a fit, with which currents count as efforts; without them currents of unknown gain
+///   count in A. They then do not share parameters as the equations do, so that what looks like delays is none.
 pub(crate) fn made_without_loads(
     args: &mut IdentifyArgs,
     source: &Source,
+    gains: Option<&IdentifiedModel>,
 ) -> Result<Option<Choice>, Failure> {
     let robot = load::unloaded_with_base(source)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
-    let runs = args.logs.iter();
-    let alone = runs.filter(|run| loads::of_run(&args.reading, run).is_none());
-    let mut runs: Vec<Run> = alone.cloned().collect();
-    if runs.is_empty() {
-        runs.clone_from(&args.logs);
-    }
-    let session = identify::session(&args.clone(), &model).in_amperes();
-    // efforts in A do not share parameters as the equations do, so that delays and outliers would be those
-    // of a model that does not hold; and runs with a payload need not repeat the motion of those without
-    made(
-        &mut args.reading,
-        &session,
-        &mut runs,
-        OpenChoices::default(),
-    )
+    let carried = |run: &Run| loads::of_run(&args.reading, run);
+    let wanted = args.logs.iter().map(carried).min().flatten();
+    let mut runs = args.logs.clone();
+    runs.retain(|run| carried(run) == wanted);
+    let own = args.clone();
+    let mut session = identify::session(&own, &model);
+    session.reading = session
+        .reading
+        .with_gains(&gains.map(loads::gains).unwrap_or_default());
+    let experiment = args.reading.experiment.as_ref();
+    let is_scaled = gains.is_some() || experiment.is_none_or(|own| own.unknown_gains.is_empty());
+    // runs with a payload need not repeat the motion of those without
+    let open = OpenChoices {
+        delays: is_scaled && open(&args.reading, false).delays,
+        ..OpenChoices::default()
+    };
+    made(&mut args.reading, &session, &mut runs, open)
 }
 
 /// Sets the options of reading that pin a choice; a decimation, an even grid or delays that are given stay.

@@ -112,10 +112,11 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         args.estimator,
         Some(EstimatorArg::Didim | EstimatorArg::Response)
     );
-    let filter = if simulates {
+    let given = args.clone();
+    let mut filter = if simulates {
         None
     } else if has_loads {
-        choice::made_without_loads(&mut args, &source)?
+        choice::made_without_loads(&mut args, &source, None)?
     } else {
         let session = session(&args, &model);
         let open = choice::open(&args.reading, is_loss_open(&args));
@@ -139,7 +140,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         mut identified,
         start,
     } = if has_loads {
-        identify_loads::solve(args, &robot, &session(args, &model), &source)?
+        let (outcome, made) = identify_loads::solve(args, (&robot, &model), &source, &given)?;
+        filter = made.or(filter);
+        outcome
     } else {
         solve(args, &model)?
     };

@@ -10,23 +10,29 @@ use regen_identify::identify::digest;
 use regen_identify::identify::suspect::{Remedy, Suspicion};
 use regen_identify::model::{IdentifiedModel, Provenance};
 use regen_identify::session::{
-    LoadedFits, LogError, Session, from_logs, loaded_residuals, settled_delays, with_gains,
+    Choice, LoadedFits, LogError, Session, from_logs, loaded_residuals, settled_delays, with_gains,
 };
 use regen_identify::text::figure_of;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{self, Identification, LogFile, ModelErrors, Summary, Suspected, stem};
 
-use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, PayloadArg};
+use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, PayloadArg, ReadingArgs};
 use crate::exit::Failure;
 use crate::identify::{Outcome, note_unexplained};
 use crate::suspect::{self, OtherSpecs};
 use crate::{
-    identify_iv, identify_simulated, load, loads, observe, parameters, physical, terminal,
+    choice, identify, identify_iv, identify_simulated, load, loads, observe, parameters, physical,
+    terminal,
 };
 
 /// The number of alternations between estimating gains at given delays and delays at given gains,
 /// since errors of either bias the other.
 const DELAY_ROUNDS: usize = 3;
+/// The largest number of alternations between estimating gains and choosing with them how logs are read; more than
+/// one are needed only where efforts are late.
+const CHOICE_ROUNDS: usize = 5;
+/// Delays that change by a smaller part of themselves are settled.
+const SETTLED_PART: f64 = 0.02;
 
 /// Whether gains or payloads are to be identified.
 pub(crate) fn wanted(args: &IdentifyArgs) -> bool {
@@ -151,34 +157,39 @@ fn known_robot(
     }
 }
 
-/// Identifies gains and payloads.
+/// Identifies gains and payloads; returns the choice that is made of how logs are read once gains are known, too.
+///
+/// - `given`: the options before a choice was made, whose filter `args` pin.
 pub(crate) fn solve(
     args: &IdentifyArgs,
-    robot: &Robot,
-    session: &Session<'_, Interpreted<'_>>,
+    (robot, model): (&Robot, &Interpreted<'_>),
     source: &Source,
-) -> Result<Outcome, Failure> {
-    let model = session.model;
+    given: &IdentifyArgs,
+) -> Result<(Outcome, Option<Choice>), Failure> {
+    let mut args = args.clone();
     let finds_delays = args.reading.delay.contains(&DelayArg::Auto);
     let mut stated = args.reading.clone();
     stated.delay.retain(|delay| *delay != DelayArg::Auto);
     observe::require_consistent(&stated)?;
     physical::note_friction(model);
     let bodies = loads::bodies(robot);
-    let (runs, payloads) = loaded(args, &bodies, source)?;
+    let (runs, payloads) = loaded(&args, &bodies, source)?;
     let experiment = args.reading.experiment.iter();
     let plan = Plan {
         unknown_gains: experiment.flat_map(|e| e.unknown_gains.clone()).collect(),
         payloads,
-        robot: known_robot(args, model, source)?,
+        robot: known_robot(&args, model, source)?,
     };
     let knowledge = physical::knowledge(&args.physical);
     let draws = physical::draws(&args.physical, args.confidence)?;
     let knowledge = (args.physical.feasible).then_some((&knowledge, draws));
-    let first = if finds_delays { None } else { knowledge };
+    let simulates = args.estimator == Some(EstimatorArg::Didim);
+    let chooses = !simulates && choice::is_open(&given.reading) && !plan.unknown_gains.is_empty();
+    let first = knowledge.filter(|_| !finds_delays && !chooses);
     let (mut instruments, mut simulated) = (None, None);
-    let mut fits = if args.estimator == Some(EstimatorArg::Didim) {
-        let (free, rounds, reports) = identify_simulated::with_gains(args, session, &plan, &runs)?;
+    let session = &identify::session(&args, model);
+    let mut fits = if simulates {
+        let (free, rounds, reports) = identify_simulated::with_gains(&args, session, &plan, &runs)?;
         simulated = Some(rounds);
         LoadedFits {
             free,
@@ -188,11 +199,36 @@ pub(crate) fn solve(
     } else {
         with_gains(session, &plan, &runs, first)?
     };
+    let mut made: Option<Choice> = None;
+    let rounds = if chooses { CHOICE_ROUNDS } else { 0 };
+    for round in 1..=rounds {
+        let mut other = given.clone();
+        let Some(choice) = choice::made_without_loads(&mut other, source, Some(&fits.free.model))?
+        else {
+            break;
+        };
+        // delays are as wrong as the gains that they are found with
+        let is_last = round == rounds || !is_moved(&args.reading, &choice.delays);
+        args = other;
+        made = Some(choice);
+        let session = identify::session(&args, model);
+        fits = with_gains(
+            &session,
+            &plan,
+            &runs,
+            knowledge.filter(|_| is_last && !finds_delays),
+        )?;
+        if is_last {
+            break;
+        }
+    }
+    let args = &args;
+    let session = &identify::session(args, model);
     let mut settled = Session {
         reading: session.reading.clone(),
         ..*session
     };
-    let mut corrected_delays = Vec::new();
+    let mut corrected_delays = session.reading.delays.clone();
     let rounds = if finds_delays { DELAY_ROUNDS } else { 0 };
     for round in 1..=rounds {
         corrected_delays = delays(args, session, source, (&runs, &fits.free))?;
@@ -278,10 +314,25 @@ pub(crate) fn solve(
     let shares = &found.shares;
     let file = ParameterFile::new(model, &identified, shares, Vec::new(), args.confidence)?;
     let json = Identification { file, summary };
-    Ok(Outcome {
+    let outcome = Outcome {
         json,
         identified,
         start: None,
+    };
+    Ok((outcome, made))
+}
+
+/// Whether delays differ from those of the options by so much that gains are estimated again.
+fn is_moved(reading: &ReadingArgs, delays: &[(String, f64)]) -> bool {
+    let before = observe::settings(reading).delays;
+    let of = |all: &[(String, f64)], name: &str| {
+        let own = all.iter().find(|(other, _)| other == name);
+        own.map_or(0.0, |(_, seconds)| *seconds)
+    };
+    let mut names = before.iter().chain(delays).map(|(name, _)| name.as_str());
+    names.any(|name| {
+        let (old, new) = (of(&before, name), of(delays, name));
+        (new - old).abs() > SETTLED_PART * old.abs().max(new.abs())
     })
 }
 

@@ -379,11 +379,16 @@ def interpolate(grid, values, t):
 class Run:
     """One robot with its parameters along one motion, and a second motion to judge parameters on."""
 
-    def __init__(self, path, kind, seed, time, cache, stribeck=False):
+    def __init__(self, path, kind, seed, time, cache, stribeck=False, load=None):
+        """`load` adds ten parameters to those of the last body; friction stays that of the robot without it."""
         self.robot = Robot(path)
         random = np.random.default_rng([seed, 1])
         self.phi = draw(random, len(self.robot.bodies))
+        self.bare = self.phi.copy()
         text = f"{VERSION} {path.read_text()} {kind} {seed} {time}"
+        if load is not None:
+            self.phi[-len(INERTIAL):] += load
+            text += f" {list(load)}"
         name = hashlib.sha256(text.encode()).hexdigest()[:24]
         kept = pathlib.Path(cache) / f"{name}.npz"
         if kept.is_file():
@@ -462,7 +467,7 @@ class Run:
         v, a, slopes = data["test_v"], data["test_a"], data["test_slopes"]
         labels, more = robot.columns(v, a, slopes, np.sign(v))
         self.test = np.concatenate([data["test"], more], axis=2)
-        rigid = data["test"] @ self.phi
+        rigid = data["test"] @ self.bare
         typical = np.sqrt(np.mean(rigid**2, axis=0))
         values = []
         for label in labels:
