@@ -296,12 +296,25 @@ fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undete
     }
     // efforts that are a row late in all runs: the delay is found, and gains stay
     let step = late(&dir);
-    let delayed = json(&dir, "identify arm.yaml late.yaml --delay auto");
-    for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
-        close(&delayed["gains"][k], gain);
-        let found = delayed["corrected_delays"][k][1].as_f64().unwrap();
-        // dry friction changes sign between two samples, which blurs a delay by a good quarter of a step
-        assert!((found - step).abs() < 0.3 * step, "{found} {step}");
+    let late = fs::read_to_string(dir.join("late.yaml")).unwrap();
+    let (filter, _) = late
+        .split_once("runs:")
+        .unwrap()
+        .0
+        .rsplit_once('\n')
+        .unwrap();
+    let (_, filter) = filter.rsplit_once('\n').unwrap();
+    assert!(filter.starts_with("process:"), "{filter}");
+    fs::write(dir.join("open.yaml"), late.replace(filter, "")).unwrap();
+    // a filter that is given, and one that is chosen
+    for runs in ["late.yaml --delay auto", "open.yaml"] {
+        let delayed = json(&dir, &format!("identify arm.yaml {runs}"));
+        for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
+            close(&delayed["gains"][k], gain);
+            let found = delayed["corrected_delays"][k][1].as_f64().unwrap();
+            // dry friction changes sign between two samples, which blurs a delay by a good quarter of a step
+            assert!((found - step).abs() < 0.3 * step, "{runs}: {found} {step}");
+        }
     }
     let (_, err) = run(&dir, "observe arm.yaml runs.yaml --out f.json", 3);
     assert!(

@@ -106,6 +106,42 @@ fn killed_runs_leave_the_old_file_or_the_new_one() {
     killed_at_any_moment(&dir, &simulate, "s.csv", Some("t\n"), 15);
 }
 
+#[cfg(unix)]
+#[test]
+fn signals_that_end_a_run_leave_the_old_file_or_the_new_one_and_nothing_else() {
+    let dir = scratch("signals");
+    fs::write(dir.join("a.yaml"), weighed("a")).unwrap();
+    let line = ["simulate", "a.yaml", "--duration", "20", "--out", "s.csv"];
+    let begin = Instant::now();
+    assert!(start(&dir, &line).wait().unwrap().success());
+    let length = begin.elapsed();
+    let new = fs::read(dir.join("s.csv")).unwrap();
+    for signal in ["INT", "TERM", "HUP"] {
+        let mut ended_early = 0;
+        for part in [0.2, 0.5, 0.7, 0.8, 0.85, 0.9, 0.95] {
+            fs::write(dir.join("s.csv"), "old").unwrap();
+            let mut child = start(&dir, &line);
+            sleep(length.mul_f64(part));
+            let id = child.id().to_string();
+            let kill = Command::new("kill")
+                .args([&format!("-{signal}"), &id])
+                .output();
+            let was_sent = kill.unwrap().status.success();
+            let is_whole = child.wait().unwrap().success();
+            ended_early += u32::from(was_sent && !is_whole);
+            let found = fs::read(dir.join("s.csv")).unwrap();
+            let expected: &[u8] = if is_whole { &new } else { b"old" };
+            assert!(found == expected || found == new, "{signal} at {part}");
+            assert_eq!(
+                unfinished(&dir),
+                Vec::<PathBuf>::new(),
+                "{signal} at {part}"
+            );
+        }
+        assert!(ended_early > 0, "{signal} came too late each time");
+    }
+}
+
 #[test]
 fn two_runs_at_once_leave_the_file_of_one() {
     let dir = scratch("at_once");

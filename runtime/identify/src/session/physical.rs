@@ -7,12 +7,13 @@ use regen_runtime::{BaseModel, Friction, LoopClosure};
 
 use super::{LeastSquaresStart, PriorKnowledge, Session, SessionError};
 use crate::feasibility::{
-    BaseMap, Body, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, PhysicalFit, Scale, Verdict,
-    identify_first, verdict,
+    BaseMap, Body, Bound, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, PhysicalFit, Scale,
+    Verdict, identify_first, verdict,
 };
 use crate::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
 use crate::intervals::{Draws, LeastSquares, Spread, constrained_by};
 use crate::model::{IdentifiedModel, Interval, Intervals};
+use crate::text::figure_of;
 
 /// The parameter layout of a model, and the map from its parameters to base parameters.
 pub(super) fn layout_and_base_map<M: BaseModel<f64> + ?Sized>(
@@ -49,7 +50,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
     let layout = plain_layout.extended(more)?;
     let combinations = plain.extended(more);
     let scale = scale(model, &layout, &combinations, values)?;
-    let options = Options {
+    let mut options = Options {
         scale,
         ..knowledge.options(&info, &layout)?
     };
@@ -70,8 +71,27 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         Verdict::Infeasible { certificate } => Some(certificate),
         Verdict::Feasible { .. } | Verdict::Undecided { .. } => None,
     };
-    let (linear_fit, known) =
+    let (mut linear_fit, mut known) =
         identify_first(factor, &combinations, &layout, &options, certificate)?;
+    let held = limits_of_free_masses(&linear_fit, &layout, &options.reference);
+    if !held.is_empty() {
+        let bounded = Options {
+            bounds: [&options.bounds[..], &held].concat(),
+            ..options.clone()
+        };
+        let found = identify_first(factor, &combinations, &layout, &bounded, certificate);
+        // a limit that the fit resists is not one that the data leave open
+        if let Ok((fit, similar)) = found
+            && fit.rise() <= linear_fit.rise() + MAX_COST
+        {
+            (linear_fit, known, options) = (fit, similar, bounded);
+        }
+    }
+    let added = options
+        .bounds
+        .get(knowledge.bounds.len()..)
+        .unwrap_or_default()
+        .to_vec();
     let p = plain_layout.len();
     let mut progress = |done: usize| {
         session
@@ -122,17 +142,18 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         beta: linear_fit.beta.get(..r).unwrap_or_default().to_vec(),
         phi: linear_fit.phi.get(..p).map(<[f64]>::to_vec),
         friction: linear(joints, linear_fit.phi.get(p..).unwrap_or_default()),
-        feasibility: describe_fit(&linear_fit, &layout),
+        feasibility: describe_fit(&linear_fit, &layout) + &describe_held(&added),
         unbounded: unbounded(&linear_fit, &layout),
         gap: Some(linear_fit.gap),
         intervals,
         ..IdentifiedModel::default()
     });
     if let Some(data) = data {
-        let own = Options {
+        let mut own = Options {
             scale,
             ..knowledge.options(&info, &plain_layout)?
         };
+        own.bounds.extend(added.iter().cloned());
         let found = fit(data, &plain, &plain_layout, &own)?;
         let mut text = format!(
             "physical; {:.3} % of the linear model's squared residuals; with these shapes {}",
@@ -142,6 +163,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         if !found.converged {
             text.push_str("; the search for the shapes did not converge");
         }
+        text.push_str(&describe_held(&added));
         let intervals = if draws == 0 {
             Intervals::default()
         } else {
@@ -329,6 +351,52 @@ pub(crate) fn unbounded(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<St
     let limited = heavy_bodies(found, layout).filter(is_limited);
     let limited = limited.map(|body| format!("m({})", body.label));
     limited.chain(heavy(found, layout)).collect()
+}
+
+/// A mass that the data leave open is held below so many times its nominal value or, without one, the mass that is
+/// known of the whole robot.
+const MAX_NOMINAL: f64 = 3.0;
+/// The limit of a body's mass over the mass that is known of the robot, see
+/// [`SizeLimit`](crate::feasibility::SizeLimit).
+const LIMIT_RATIO: f64 = 1000.0;
+/// Limits of masses may cost this part of the rms residual: less than its last printed digit.
+const MAX_COST: f64 = 1e-4;
+
+/// Limits of the masses that hardly affect a fit and are far above any that the robot can have.
+///
+/// - `nominal`: the nominal values of all parameters, SI.
+fn limits_of_free_masses(
+    found: &PhysicalFit,
+    layout: &ParameterLayout,
+    nominal: &[Option<f64>],
+) -> Vec<Bound> {
+    let free = unbounded(found, layout);
+    let bodies = layout.bodies().iter().zip(&found.sizes);
+    let limits = bodies.map(|(body, size)| {
+        let own = body.columns.last().and_then(|c| *nominal.get(*c)?);
+        let own = own.filter(|mass| *mass > 0.0);
+        Bound {
+            parameter: format!("m({})", body.label),
+            lowest: f64::NEG_INFINITY,
+            highest: MAX_NOMINAL * own.unwrap_or(size.mass / LIMIT_RATIO),
+        }
+    });
+    limits.filter(|own| free.contains(&own.parameter)).collect()
+}
+
+/// Says which masses are held below limits that no one gave.
+fn describe_held(limits: &[Bound]) -> String {
+    let all = limits
+        .iter()
+        .map(|own| format!("{} below {} kg", own.parameter, figure_of(3, own.highest)));
+    let all: Vec<String> = all.collect();
+    if all.is_empty() {
+        return String::new();
+    }
+    format!(
+        "; masses that hardly affect the fit are held below what this robot can have: {}",
+        all.join(", ")
+    )
 }
 
 /// Linear friction at joints with nonlinear friction, from `values`: Fc and Fv of each in turn.
