@@ -82,7 +82,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         let found = identify_first(factor, &combinations, &layout, &bounded, certificate);
         // a limit that the fit resists is not one that the data leave open
         if let Ok((fit, similar)) = found
-            && fit.rise() <= linear_fit.rise() + MAX_COST
+            && fit.squared_residual.sqrt() <= (1.0 + MAX_COST) * linear_fit.squared_residual.sqrt()
         {
             (linear_fit, known, options) = (fit, similar, bounded);
         }
@@ -429,6 +429,39 @@ mod tests {
     use super::*;
     use crate::estimate::QrFactor;
     use crate::feasibility::{SYMBOLS, identify};
+
+    /// A mass that the fit leaves open is held below three times its nominal value or, without one, the largest mass
+    /// that is known of the robot.
+    #[test]
+    fn open_masses_are_held_below_what_the_robot_can_have() {
+        let labels: Vec<String> = (1..=2)
+            .flat_map(|body| SYMBOLS.iter().map(move |s| format!("{s}({body})")))
+            .collect();
+        let layout = ParameterLayout::new(&labels).unwrap();
+        // the moment of mass of body 1 without inertia about z, which takes an infinite mass; body 2 weighs 4 kg
+        let map = BaseMap::identity(&labels).select(&[6, 5, 19]).unwrap();
+        let mut factor = QrFactor::new(map.labels().to_vec());
+        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        factor.push_block(&identity, &[0.1, -1.0, 4.0]).unwrap();
+        let found = identify(&factor, &map, &layout, &Options::default()).unwrap();
+        assert_eq!(unbounded(&found, &layout), ["m(1)"]);
+        let mut nominal = vec![None; 20];
+        let [own] = &limits_of_free_masses(&found, &layout, &nominal)[..] else {
+            panic!("one mass is open")
+        };
+        let known = found.sizes[0].mass / LIMIT_RATIO;
+        assert_eq!((own.parameter.as_str(), own.highest), ("m(1)", 3.0 * known));
+        nominal[9] = Some(0.7);
+        let bounds = limits_of_free_masses(&found, &layout, &nominal);
+        assert!((bounds[0].highest - 2.1).abs() < 1e-12);
+        assert!(describe_held(&bounds).contains("m(1) below 2.10 kg"));
+        let held = Options {
+            bounds,
+            ..Options::default()
+        };
+        let found = identify(&factor, &map, &layout, &held).unwrap();
+        assert!(found.phi[9] < 2.1 + 1e-6 && unbounded(&found, &layout).is_empty());
+    }
 
     /// What is asked to be bounded is what grew: the mass for a moment of mass without inertia, the
     /// inertia for one without mass, and nothing for a fit that needs no limit.
