@@ -17,7 +17,6 @@ mod latex;
 mod mutations;
 mod mutations_derive;
 mod oracle;
-mod rooms;
 mod rounding;
 mod scene;
 mod spec_fuzz;

@@ -16,10 +16,12 @@
 use regen_codegen::diag::Source as Text;
 use regen_codegen::pipeline::derive;
 use regen_identify::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale};
-use regen_identify::friction::{self, JointFit, nonlinear_joints};
+use regen_identify::friction::{self, JointFit};
 use regen_identify::identifiability::{Checks, reduce};
-use regen_identify::identify::{self, EquationKind, Filtering, Recorded, Source, StateSample};
+use regen_identify::identify::{self, EquationKind};
 use regen_identify::intervals::{LeastSquares, Spread, constrained};
+use regen_identify::states::nonlinear_joints;
+use regen_identify::states::{Filtering, Recorded, Source, StateSample};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::{BaseModel, Friction};
 

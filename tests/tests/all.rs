@@ -33,6 +33,7 @@ mod reference_pairs;
 mod reference_ranks;
 mod robots_nominal;
 mod robots_table;
+mod rooms;
 mod signatures;
 mod simulation;
 mod simulation_engine;

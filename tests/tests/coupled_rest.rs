@@ -8,7 +8,8 @@ use regen_codegen::diag::Source;
 use regen_codegen::pipeline::derive;
 use regen_codegen::robot::Robot;
 use regen_identify::data::{Logs, Run, Settings};
-use regen_identify::identify::{EquationKind, NoColumns, Source as LogSource, equations};
+use regen_identify::identify::{EquationKind, NoColumns, equations};
+use regen_identify::states::Source as LogSource;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::Model;
 

@@ -10,8 +10,9 @@ use regen_identify::estimate::{Estimate, QrFactor};
 use regen_identify::feasibility::{
     BaseMap, Options, Outcome, ParameterLayout, Scale, Verdict, bodies_yaml, identify, verdict,
 };
-use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
+use regen_identify::friction::{FrictionData, fit};
 use regen_identify::identifiability::{Change, Checks, Feasibility, reduce};
+use regen_identify::states::{FrictionJoint, directions};
 use regen_runtime::{BaseModel, Friction, LoopClosure, State};
 
 /// Pseudo-random numbers (SplitMix64), the same on every machine; normally distributed ones by Box

@@ -8,8 +8,9 @@ use regen_experiment::simulate::{Pid, Settings, Termination, nominal_friction, s
 use regen_generated::fivebar;
 use regen_identify::estimate::EstimateError;
 use regen_identify::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout};
-use regen_identify::friction::{FrictionJoint, collect, fit};
-use regen_identify::identify::{Filtering, Recorded, Source, StateSample};
+use regen_identify::friction::{collect, fit};
+use regen_identify::states::FrictionJoint;
+use regen_identify::states::{Filtering, Recorded, Source, StateSample};
 use regen_interpreted::Interpreted;
 use regen_runtime::{BaseModel, Friction, JointFriction, Model};
 use regen_tests::reference;

@@ -15,8 +15,8 @@ use regen_codegen::robot::Robot;
 use regen_identify::gains::{
     CarriedRun, GainError, GainFit, GainOptions, KnownPayload, KnownRobot, Plan, fit,
 };
-use regen_identify::identify::{Recorded, StateSample};
 use regen_identify::model::{IdentifiedModel, Interval};
+use regen_identify::states::{Recorded, StateSample};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
 use regen_runtime::{BaseModel, LoopClosure, Model};

@@ -9,9 +9,11 @@ use std::process::Command;
 use regen_tests::files;
 
 /// The agreed names, without hidden files, which belong to tools.
-const TOP: [&str; 14] = [
+const TOP: [&str; 16] = [
+    "ARCHITECTURE.md",
     "CHANGELOG.md",
     "CITATION.cff",
+    "CONTRIBUTING.md",
     "Cargo.lock",
     "Cargo.toml",
     "LICENSE-APACHE",

@@ -1,7 +1,7 @@
 //! States of the shipped robots with loops, completed from their measured coordinates.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use regen_identify::identify::{Completed, Completion};
+use regen_identify::states::{Completed, Completion};
 use regen_robots::{
     delta::Delta, fivebar::Fivebar, palletiser::Palletiser, rps3::Rps3, stewart::Stewart,
 };

@@ -3,9 +3,10 @@
 use regen_codegen::diag::Source;
 use regen_experiment::instruments::instrumental;
 use regen_identify::IdentifiedModel;
+use regen_identify::choice::Choice;
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
-use regen_identify::session::{Choice, LeastSquaresStart, OpenChoices, Session, chosen, from_logs};
+use regen_identify::session::{LeastSquaresStart, OpenChoices, Session, chosen, from_logs};
 use regen_identify::signals::Method;
 use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::{BaseTerms, Interpreted};

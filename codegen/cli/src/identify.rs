@@ -1,13 +1,14 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
 use regen_codegen::robot::Robot;
+use regen_identify::choice::Choice;
 use regen_identify::data::{Assignment, DataError, ValuesFrom};
 use regen_identify::estimate::{EffortError, EstimateError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{self, EquationKind, Options, digest};
 use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
 use regen_identify::session::{
-    self, Choice, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
+    self, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
 };
 use regen_identify::signals::Method;
 use regen_identify::status::EffortContributions;

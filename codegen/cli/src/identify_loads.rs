@@ -2,16 +2,17 @@
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
+use regen_identify::choice::Choice;
 use regen_identify::data::{Assignment, Quantity, Run};
 use regen_identify::estimate::Estimate;
 use regen_identify::files::{FileError, ParameterFile};
 use regen_identify::gains::{GainError, GainFit, KnownPayload, KnownRobot, Plan};
 use regen_identify::identify::digest;
-use regen_identify::identify::suspect::{Remedy, Suspicion};
 use regen_identify::model::{IdentifiedModel, Provenance};
 use regen_identify::session::{
-    Choice, LoadedFits, LogError, Session, from_logs, loaded_residuals, settled_delays, with_gains,
+    LoadedFits, LogError, Session, from_logs, loaded_residuals, settled_delays, with_gains,
 };
+use regen_identify::suspect::{Remedy, Suspicion};
 use regen_identify::text::figure_of;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{self, Identification, LogFile, ModelErrors, Summary, Suspected, stem};

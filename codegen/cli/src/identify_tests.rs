@@ -16,10 +16,9 @@ use std::path::{Path, PathBuf};
 use regen_codegen::robot::Robot;
 use regen_identify::data::{Logs, Settings};
 use regen_identify::estimate::{Estimate, EstimateError, FactorSet, Weighting};
-use regen_identify::identify::{
-    EquationKind, Identified, Options, Recorded, identify, observe, residuals,
-};
+use regen_identify::identify::{EquationKind, Identified, Options, identify, observe, residuals};
 use regen_identify::signals::{Fourier, Method};
+use regen_identify::states::Recorded;
 use regen_runtime::{BaseModel, LoopClosure, Model, Motion};
 
 use crate::load;

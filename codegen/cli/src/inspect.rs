@@ -4,9 +4,10 @@ use std::path::Path;
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
+use regen_identify::choice::Choice;
 use regen_identify::data::{Assignment, Checks, DataError, Policy, Run, Settings};
 use regen_identify::experiment_file::ExperimentFile;
-use regen_identify::session::{Choice, chosen as filter_of};
+use regen_identify::session::chosen as filter_of;
 use regen_identify::signals::Method;
 use regen_inspect::{
     ClockSource, LogFacts, Prediction, VERSION, completed, delays_by_model, inspect, predict,

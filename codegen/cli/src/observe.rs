@@ -1,14 +1,15 @@
 //! `regen observe`: reduces logs to a factor file; also how all commands read logs.
 
+use regen_identify::data::Spikes;
 use regen_identify::data::{
     Bridged, Checks, DataError, Fault, FileReport, Gaps, Policies, Policy, Problems, Quantity, Run,
     Settings,
 };
 use regen_identify::estimate::EstimateError;
-use regen_identify::identify::suspect::Spikes;
-use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
+use regen_identify::identify::{EquationKind, LeftOut, Options, observe};
 use regen_identify::session::{MonitoredLogs, Session, SessionError, from_logs};
 use regen_identify::signals::{Method, SignalError};
+use regen_identify::states::Standstill;
 use regen_identify::text::figure_of;
 use regen_report::results::{LogFile, Observed, observed_text};
 

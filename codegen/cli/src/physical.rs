@@ -103,7 +103,7 @@ pub(crate) fn require_optimum(found: &IdentifiedModel) -> Result<(), Failure> {
 
 /// Notes that nonlinear friction of the spec is left out of a linear model.
 pub(crate) fn note_friction(model: &Interpreted<'_>) {
-    let joints = regen_identify::friction::nonlinear_joints(model);
+    let joints = regen_identify::states::nonlinear_joints(model);
     if !joints.is_empty() {
         let names: Vec<&str> = joints.iter().map(|j| j.name.as_str()).collect();
         terminal::note(&format!(

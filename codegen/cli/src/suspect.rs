@@ -7,7 +7,7 @@ mod tests;
 
 use regen_identify::data::{Assignment, Logs};
 use regen_identify::estimate::Estimate;
-use regen_identify::identify::suspect::{self, LogColumns, Remedy};
+use regen_identify::suspect::{self, LogColumns, Remedy};
 use regen_interpreted::Interpreted;
 use regen_report::results::Suspected;
 

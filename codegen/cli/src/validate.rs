@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use regen_identify::IdentifiedModel;
+use regen_identify::choice::Choice;
 use regen_identify::data::Run;
 use regen_identify::estimate::EffortError;
 use regen_identify::files::Predictions;
 use regen_identify::identify::{self, LeftOut};
-use regen_identify::session::Choice;
 use regen_report::results::{corrected_delays_text, error_percent, filter_text, resting, stem};
 use serde::Serialize;
 

@@ -3,7 +3,8 @@
 use nalgebra::DMatrix;
 use regen_identify::data::{DataError, FileReport, Run};
 use regen_identify::estimate::EffortError;
-use regen_identify::identify::{self, EquationKind, LeftOut, Source};
+use regen_identify::identify::{self, EquationKind, LeftOut};
+use regen_identify::states::Source;
 use regen_runtime::{BaseModel, Model};
 
 use crate::ReportError;

@@ -4,7 +4,7 @@
 use core::fmt;
 
 use regen_identify::estimate::EstimateError;
-use regen_identify::identify::MotionSeries;
+use regen_identify::states::MotionSeries;
 use regen_runtime::{Model, SizeError};
 
 use crate::simulate::{

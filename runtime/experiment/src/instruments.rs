@@ -9,10 +9,11 @@ use core::fmt;
 use regen_identify::data::{DataError, Logs, Run, Settings as Reading};
 use regen_identify::estimate::EstimateError;
 use regen_identify::gains::GainError;
-use regen_identify::identify::{self, InstrumentOptions, Instrumental, MotionSeries};
+use regen_identify::identify::{self, InstrumentOptions, Instrumental};
 use regen_identify::model::{IdentifiedModel, Intervals};
 use regen_identify::session::{self, LeastSquaresStart, PriorKnowledge, Session};
 use regen_identify::signals::{Method, SignalError};
+use regen_identify::states::MotionSeries;
 use regen_runtime::{BaseModel, SizeError};
 
 use crate::closed_loop::{self, ClosedLoop, Controllers, LoopError};

@@ -14,7 +14,8 @@ use regen_experiment::simulate::{
     simulate, simulate_controlled,
 };
 use regen_generated::rps3_friction::Rps3Friction;
-use regen_identify::identify::{EquationKind, Options, Recorded, identify};
+use regen_identify::identify::{EquationKind, Options, identify};
+use regen_identify::states::Recorded;
 use regen_runtime::{BaseModel, LoopClosure};
 
 /// The robot, over `f64`.

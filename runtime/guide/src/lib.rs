@@ -77,6 +77,3 @@ pub mod reference {}
 
 #[doc = include_str!("../pages/compare.md")]
 pub mod compare {}
-
-#[doc = include_str!("../pages/contribute.md")]
-pub mod contribute {}

@@ -26,7 +26,9 @@
     reason = "A_e and qdd_i are formulas, written as in the equations"
 )]
 
+pub mod choice;
 pub mod data;
+mod document;
 pub mod estimate;
 pub mod experiment_file;
 pub mod feasibility;
@@ -42,7 +44,9 @@ mod qr_update;
 pub mod session;
 pub mod signals;
 mod singular;
+pub mod states;
 pub mod status;
+pub mod suspect;
 pub mod text;
 mod turned;
 

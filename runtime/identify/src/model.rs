@@ -1,10 +1,12 @@
 //! The result of an identification, and the prediction of efforts with it that all commands use.
 
+use crate::choice::Choice;
 use crate::data::DataError;
 use crate::estimate::{Estimate, EstimateError, Residuals};
 use crate::friction::{JointEfforts, JointFit};
-use crate::identify::{EquationBuilder, EquationKind, Source, equations};
-use crate::session::Choice;
+use crate::identify::{EquationBuilder, EquationKind, equations};
+use crate::intervals::Spread;
+use crate::states::Source;
 use regen_runtime::{BaseModel, Parameter, SizeError};
 
 /// Standard deviation and confidence interval of an estimated value.
@@ -22,6 +24,19 @@ pub struct Interval {
 }
 
 impl Interval {
+    /// The interval of a value from its draws; `None` if there are no draws.
+    ///
+    /// - `confidence`: its level, in (0, 1).
+    pub(crate) fn drawn(spread: &Spread, confidence: f64) -> Option<Self> {
+        let (low, high) = spread.interval(confidence);
+        low.is_finite().then_some(Self {
+            sigma: spread.sigma,
+            sigma_white: f64::NAN,
+            low,
+            high,
+        })
+    }
+
     /// The interval with a bias, in the value's unit, that counts as one standard deviation more.
     #[must_use]
     pub(crate) fn with_bias(self, bias: f64) -> Self {

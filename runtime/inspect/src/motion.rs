@@ -1,6 +1,6 @@
 //! How the joints of a robot move in the states of a log.
 
-use regen_identify::identify::StateSample;
+use regen_identify::states::StateSample;
 use regen_runtime::Info;
 use serde::Serialize;
 

@@ -8,8 +8,9 @@
 use nalgebra::DMatrix;
 use regen_identify::estimate::{EstimateError, QrFactor};
 use regen_identify::identifiability::WELL_IDENTIFIED_PERCENT;
-use regen_identify::identify::{EquationKind, Filtering, Source, StateSample, observe};
+use regen_identify::identify::{EquationKind, observe};
 use regen_identify::signals::Smoothing;
+use regen_identify::states::{Filtering, Source, StateSample};
 use regen_runtime::{BaseModel, BaseParameter, Info};
 use serde::Serialize;
 
@@ -275,7 +276,8 @@ fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
 /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
 /// # }
 /// # use models::Pendulum;
-/// use regen_identify::identify::{EquationKind, Recorded};
+/// use regen_identify::identify::{EquationKind};
+/// use regen_identify::states::{Recorded};
 /// use regen_inspect::{ExpectedStatus, predict};
 ///
 /// // a pendulum that turns at a constant speed shows its weight and not its inertia
@@ -459,7 +461,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 mod tests {
     use super::*;
     use crate::testing::{Noise, models};
-    use regen_identify::identify::Recorded;
+    use regen_identify::states::Recorded;
 
     #[test]
     fn the_times_of_the_states_decide_how_dense_the_noise_is_and_not_the_stated_step() {

@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
+use regen_identify::choice::Choice;
 use regen_identify::data::{Join, Run};
 use regen_identify::experiment_file::with_process;
-use regen_identify::session::Choice;
 use regen_identify::signals::Method;
 use regen_identify::text::figure_of;
 

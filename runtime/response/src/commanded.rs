@@ -2,7 +2,7 @@
 
 use regen_experiment::simulate::Reference;
 use regen_identify::data::Track;
-use regen_identify::identify::{Completed, Completion};
+use regen_identify::states::{Completed, Completion};
 use regen_runtime::Model;
 
 use crate::logs::{TrackError, driven};

@@ -22,9 +22,10 @@ use regen_experiment::closed_loop::{ClosedLoop, LoopError};
 use regen_identify::data::DataError;
 use regen_identify::estimate::EstimateError;
 use regen_identify::gains::GainError;
-use regen_identify::identify::{EquationKind, Filtering, Identified, Options, identify};
+use regen_identify::identify::{EquationKind, Identified, Options, identify};
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::LeastSquaresStart;
+use regen_identify::states::Filtering;
 use regen_identify::status::EffortContributions;
 use regen_runtime::{BaseModel, SizeError};
 

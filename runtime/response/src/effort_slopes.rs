@@ -12,7 +12,8 @@ use nalgebra::DMatrix;
 use regen_experiment::closed_loop::{ClosedLoop, Controllers, LoopError, LoopRun};
 use regen_experiment::simulate::{Control, Pid, control};
 use regen_identify::estimate::EstimateError;
-use regen_identify::identify::{Columns, StateSample};
+use regen_identify::identify::Columns;
+use regen_identify::states::StateSample;
 use regen_runtime::BaseModel;
 
 use crate::Number;

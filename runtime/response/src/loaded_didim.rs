@@ -5,7 +5,8 @@ use std::borrow::Cow;
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::gains::{GainFit, LoadedLoops};
-use regen_identify::identify::{Columns, StateSample};
+use regen_identify::identify::Columns;
+use regen_identify::states::StateSample;
 use regen_runtime::BaseModel;
 
 use crate::Number;

@@ -4,10 +4,8 @@ use regen_experiment::closed_loop::{LoopRun, simulate_loop};
 use regen_experiment::simulate::{Settings, friction_width};
 use regen_identify::estimate::{EstimateError, QrFactor, Weighting};
 use regen_identify::gains::LoadedLoops;
-use regen_identify::identify::{
-    Identified, Recorded, Source as _, Standstill, StateSample, errors_of_prediction,
-    identify_linearised,
-};
+use regen_identify::identify::{Identified, errors_of_prediction, identify_linearised};
+use regen_identify::states::{Recorded, Source as _, Standstill, StateSample};
 use regen_runtime::{BaseModel, SizeError};
 
 use crate::Number;

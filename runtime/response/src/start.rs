@@ -1,7 +1,7 @@
 //! The first states of windows, from measured positions.
 
 use regen_identify::estimate::QrFactor;
-use regen_identify::identify::{Completed, Completion};
+use regen_identify::states::{Completed, Completion};
 use regen_runtime::BaseModel;
 
 use crate::ResponseError;

@@ -2,7 +2,8 @@
 
 use regen_experiment::simulate::Noise;
 use regen_identify::feasibility::{Options, identify};
-use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
+use regen_identify::friction::{FrictionData, fit};
+use regen_identify::states::{FrictionJoint, directions};
 use regen_runtime::{Friction, JointFriction, State};
 
 use super::robot::{

@@ -7,8 +7,8 @@ use regen_experiment::simulate::Noise;
 use regen_generated::rps3::Rps3;
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{BaseMap, ParameterLayout};
-use regen_identify::friction::directions;
 use regen_identify::signals::Fourier;
+use regen_identify::states::directions;
 use regen_runtime::{BaseModel, JointFriction, Limits, LoopClosure, State};
 
 /// The period, s (section 6.1).

@@ -7,7 +7,7 @@ use regen_identify::gains::{
     GainError, GainFit, GainOptions, KnownPayload, KnownRobot, Physical, PhysicalGains, Plan,
     feasible,
 };
-use regen_identify::identify::{Recorded, Source};
+use regen_identify::states::{Recorded, Source};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::BaseModel;
 

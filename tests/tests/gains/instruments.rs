@@ -2,7 +2,8 @@
 
 use super::*;
 use regen_identify::gains::{LoadedInstruments, LoadedMotions, instrumental};
-use regen_identify::identify::{InstrumentOptions, MotionSeries};
+use regen_identify::identify::InstrumentOptions;
+use regen_identify::states::MotionSeries;
 
 /// Standard deviation of the noise of velocities and accelerations, SI.
 const MOTION_NOISE: f64 = 0.6;
@@ -14,7 +15,7 @@ fn noisy(twin: &Twin<'_>, carried: bool, random: &mut Random) -> (Recorded, Moti
     let exact = MotionSeries::recorded(twin.model, &mut log).unwrap();
     let mut closure = LoopClosure::new(twin.model).unwrap();
     let mut out = Recorded::new();
-    regen_identify::identify::Source::visit(&mut log, &mut |row| {
+    regen_identify::states::Source::visit(&mut log, &mut |row| {
         let pick = |all: &[f64], noise: f64, random: &mut Random| -> Vec<f64> {
             let own = info.independent.iter();
             own.map(|c| all[*c] + noise * normal(random)).collect()

@@ -1,7 +1,7 @@
 //! Huber's estimate of gains and a payload, tested by the equations that define it.
 
 use regen_identify::gains::{GainOptions, fit};
-use regen_identify::identify::Source;
+use regen_identify::states::Source;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::BaseModel;
 

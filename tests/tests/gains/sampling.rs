@@ -3,9 +3,8 @@
 use super::*;
 use regen_identify::estimate::EstimateError;
 use regen_identify::gains::instrumental;
-use regen_identify::identify::{
-    ChangedEfforts, Filtering, InstrumentOptions, MotionSeries, Source as LogSource,
-};
+use regen_identify::identify::InstrumentOptions;
+use regen_identify::states::{ChangedEfforts, Filtering, MotionSeries, Source as LogSource};
 
 /// A log whose efforts change with other derivatives of its positions, and if they are held.
 struct Sampled<'m> {

@@ -3,7 +3,8 @@
 
 use clap::ArgMatches;
 use clap::parser::ValueSource;
-use regen_identify::identify::{EquationKind, Standstill};
+use regen_identify::identify::EquationKind;
+use regen_identify::states::Standstill;
 
 use super::EstimatorArg;
 use super::reading::DelayArg;

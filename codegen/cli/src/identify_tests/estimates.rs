@@ -4,11 +4,9 @@ use std::fs;
 
 use regen_identify::data::{Logs, Settings};
 use regen_identify::estimate::{Estimate, Weighting};
-use regen_identify::identify::{
-    Completed, Completion, EquationKind, Identified, Options, Recorded, Source, Standstill,
-    identify, observe,
-};
+use regen_identify::identify::{EquationKind, Identified, Options, identify, observe};
 use regen_identify::signals::{Derivatives, Method, differences};
+use regen_identify::states::{Completed, Completion, Recorded, Source, Standstill};
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, normal, run, scratch, with, worst};
 use regen_reference::Random;

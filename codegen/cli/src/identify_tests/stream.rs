@@ -4,11 +4,9 @@
 use std::fmt::Write as _;
 
 use regen_identify::data::{Logs, Settings};
-use regen_identify::identify::{
-    EquationKind, Filtering, Identified, NoColumns, Options, Recorded, Standstill, StateSample,
-    equations, identify,
-};
+use regen_identify::identify::{EquationKind, Identified, NoColumns, Options, equations, identify};
 use regen_identify::signals::{Method, Smoothing};
+use regen_identify::states::{Filtering, Recorded, Standstill, StateSample};
 
 use super::scratch;
 use crate::load;

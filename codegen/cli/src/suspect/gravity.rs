@@ -4,8 +4,9 @@ use std::path::Path;
 
 use regen_codegen::Mechanism;
 use regen_codegen::robot::{FunctionKind, Robot};
+use regen_identify::data::Sample;
 use regen_identify::data::{Assignment, Quantity};
-use regen_identify::identify::suspect::{self, LogColumns, Remedy, Sample, Suspicion, Trial};
+use regen_identify::suspect::{self, LogColumns, Remedy, Suspicion, Trial};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::{
     Arguments, BaseFunction, BaseInfo, BaseModel, Condition, Function, Info, Model, Parameter,

@@ -1,9 +1,9 @@
 //! Logs reduced to QR factors.
 
 use regen_codegen::explain::lines::{columns, field};
+use regen_identify::choice::Choice;
 use regen_identify::estimate::FactorSet;
 use regen_identify::identify::LeftOut;
-use regen_identify::session::Choice;
 use serde::Serialize;
 
 use super::{LogFile, corrected_delays_text, filter_text, resting};

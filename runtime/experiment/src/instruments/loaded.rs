@@ -5,9 +5,10 @@ use std::slice::from_ref;
 use regen_identify::data::{FileReport, Logs, Run};
 use regen_identify::estimate::EstimateError;
 use regen_identify::gains::{self, CarriedRun, GainError, LoadedInstruments, Plan};
-use regen_identify::identify::{EquationKind, MotionSeries};
+use regen_identify::identify::EquationKind;
 use regen_identify::session::{PriorKnowledge, Session, with_gains};
 use regen_identify::signals::SignalError;
+use regen_identify::states::MotionSeries;
 use regen_runtime::BaseModel;
 
 use super::{Along, InstrumentError, Simulable, options, raw};

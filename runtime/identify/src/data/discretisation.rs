@@ -9,8 +9,9 @@ use super::reader::LogRow;
 use super::replaced::ReplacedRows;
 use super::stretch::Stretch;
 use crate::estimate::{EstimateError, QrFactor};
-use crate::identify::{ChangedEfforts, ChangedParameters, Completed, Completion, MotionSeries};
+use crate::identify::ChangedParameters;
 use crate::signals::{Derivatives, Method, SignalError, differences};
+use crate::states::{ChangedEfforts, Completed, Completion, MotionSeries};
 use regen_runtime::BaseModel;
 
 /// Rows of each file that are differentiated in both ways, unless a filter needs more.
@@ -58,7 +59,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         Ok(found.finish(factor))
     }
 
-    /// As [`Source::changed_efforts`](crate::identify::Source::changed_efforts).
+    /// As [`Source::changed_efforts`](crate::states::Source::changed_efforts).
     pub(super) fn visit_changed_efforts(
         &self,
         beta: &[f64],

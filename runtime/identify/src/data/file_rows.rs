@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::csv_rows::CsvRows;
 use super::problem::{DataError, Fault};
 use super::table::{Format, Written};
-use crate::files::require_regular;
+use crate::document::require_regular;
 
 /// The largest number of characters of a title or an entry in a message.
 const MAX_SHOWN: usize = 40;

@@ -8,6 +8,7 @@ use super::problem::{DataError, Problem, Problems};
 use super::reader::{LogFile, LogRow, RowSink, Survey};
 use super::row_cache::{MAX_NUMBERS, RowCache};
 use super::run::Run;
+use super::sample::Spikes;
 use super::settings::Settings;
 use super::shift;
 use super::sketch::Sketch;
@@ -16,9 +17,8 @@ use super::stretch::Stretch;
 use super::unmeasured::Unmeasured;
 use super::window::Window;
 use crate::estimate::EstimateError;
-use crate::identify::suspect::Spikes;
-use crate::identify::{ChangedEfforts, Completion, Filtering, MotionSeries, Source, StateSample};
 use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError, Smoothing};
+use crate::states::{ChangedEfforts, Completion, Filtering, MotionSeries, Source, StateSample};
 use regen_runtime::{BaseModel, Info, Model};
 
 /// Summary of reading one run.

@@ -18,10 +18,10 @@ use super::row_checker::RowChecker;
 use super::run::Run;
 use super::settings::Settings;
 
+use super::sample::Spikes;
 use super::spikes::{SpikeFinder, said_of};
 use super::stale::StaleFinder;
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
-use crate::identify::suspect::Spikes;
 use crate::text;
 use regen_runtime::Info;
 

@@ -3,7 +3,7 @@
 use super::layout::ColumnLayout;
 use super::problem::DataError;
 use super::reader::LogRow;
-use crate::identify::{MotionSeries, TrackedMotion};
+use crate::states::{MotionSeries, TrackedMotion};
 use regen_runtime::Model;
 
 /// Replaces the measured motion of rows, which are passed in order of time, log after log.

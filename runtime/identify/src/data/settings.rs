@@ -4,8 +4,8 @@ use super::bridge::Bridging;
 use super::columns::Assignment;
 use super::policy::{Checks, Gaps, Policies, Policy, UsedFaults};
 use super::table::Format;
-use crate::identify::{Filtering, Standstill};
 use crate::signals::Method;
+use crate::states::{Filtering, Standstill};
 
 /// How logs are read, checked and differentiated.
 #[derive(Clone, Debug, PartialEq)]

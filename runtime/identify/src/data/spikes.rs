@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::problem::median;
-use crate::identify::suspect::Spikes;
+use super::sample::Spikes;
 
 /// The smallest jump and return of a spike, in median changes between rows: noise has changes of a few.
 const MIN_CHANGES: f64 = 30.0;

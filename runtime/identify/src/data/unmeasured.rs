@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::identify::depends_on_direction;
+use crate::states::depends_on_direction;
 use regen_runtime::{Model, SizeError};
 
 /// Singular values below this part of the largest one count as 0; factors of couplings are far from it.

@@ -35,3 +35,19 @@ pub use set::{Accumulator, FactorSet, FileError, LogErrors, Origin};
 pub use solution::{EffortFit, Estimate, Weighting};
 pub(crate) use solution::{inverse_gram, quantile, weights_from};
 pub use spectrum::{RANK_TOLERANCE, Spectrum};
+
+/// Returns an error unless a length is the expected one.
+pub(crate) fn require(
+    what: &'static str,
+    expected: usize,
+    got: usize,
+) -> Result<(), EstimateError> {
+    if expected == got {
+        return Ok(());
+    }
+    Err(EstimateError::Size {
+        what,
+        expected,
+        got,
+    })
+}

@@ -1,6 +1,6 @@
 //! Adds keys to the text of an experiment file, which keeps everything else as it is.
 
-use super::tree::{Node, NodeKind};
+use crate::document::{Node, NodeKind};
 
 /// Adds keys to `process` of an experiment file, in the style in which it is written: lines with an indent, or
 /// braces. Keys that it states already stay as they are. `None` where the text is no mapping, or takes no

@@ -4,8 +4,8 @@ use regen_runtime::Info;
 
 use super::quantity_kind::{QUANTITY_KINDS, QuantityKind, matched, meant};
 use super::shape::{Column, Sink, below, column, did_you_mean, value};
-use super::tree::{Key, Node};
 use crate::data::{Assignment, Quantity, UNITS};
+use crate::document::{Key, Node};
 
 /// The content of `columns` and `time`.
 #[derive(Debug, Default)]

@@ -30,10 +30,8 @@ mod runs;
 mod shape;
 #[cfg(test)]
 mod tests;
-mod tree;
 
 pub use addition::with_process;
-pub(crate) use tree::{Node, NodeKind};
 
 use std::path::Path;
 
@@ -41,7 +39,7 @@ use regen_runtime::Info;
 use serde_json::{Value, json};
 
 use crate::data::{Assignment, Run, Settings};
-use crate::files::Mistakes;
+use crate::document::{Mistakes, Node};
 use crate::gains::KnownPayload;
 use crate::identify::EquationKind;
 use shape::{Shape, Sink};

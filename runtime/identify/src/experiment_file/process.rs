@@ -4,10 +4,11 @@ use regen_runtime::Info;
 
 use super::Delay;
 use super::shape::{Sink, below, did_you_mean};
-use super::tree::{Node, NodeKind};
 use crate::data::{Checks, Decimal, Format, Gaps, Header, Policy, Separator, Settings};
-use crate::identify::{EquationKind, Standstill};
+use crate::document::{Node, NodeKind};
+use crate::identify::EquationKind;
 use crate::signals::Method;
+use crate::states::Standstill;
 
 /// How a file says that signals are processed.
 pub(super) struct Process {

@@ -4,9 +4,9 @@ use regen_runtime::Info;
 use serde_json::{Map, Value};
 
 use super::shape::{Sink, below};
-use super::tree::Node;
 use super::{Payload, PlannedRun, Purpose, columns};
 use crate::data::{Join, Run};
+use crate::document::Node;
 
 /// Where the parts of a run stand in the file, for messages that later checks give; a part that is
 /// missing has the place of the run.

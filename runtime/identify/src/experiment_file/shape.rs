@@ -3,9 +3,9 @@
 
 use serde_json::{Map, Value, json};
 
-use super::tree::{Node, NodeKind, shorten};
 use crate::data::expression;
-use crate::files::{Mistake, Mistakes};
+use crate::document::{Mistake, Mistakes};
+use crate::document::{Node, NodeKind, shorten};
 
 /// The shape of a value.
 pub(super) enum Shape {

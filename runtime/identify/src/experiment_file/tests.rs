@@ -5,9 +5,9 @@ use regen_runtime::Info;
 
 use super::*;
 use crate::data::{Checks, Decimal, Format, Gaps, Header, Join, Policy, Separator};
-use crate::files::Mistake;
-use crate::identify::Standstill;
+use crate::document::Mistake;
 use crate::signals::Method;
+use crate::states::Standstill;
 
 const INFO: Info<'static> = Info {
     name: "arm",

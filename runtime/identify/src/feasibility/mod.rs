@@ -35,6 +35,7 @@ mod sums;
 mod symmetric;
 mod triangle;
 mod verdict;
+mod words;
 
 // links the BLAS and LAPACK symbols that the solver calls
 extern crate regen_lapack as _;
@@ -50,3 +51,7 @@ pub use options::{Bound, Form, Options, Prior, Total};
 pub use output::{bodies_yaml, rust_constants, unit};
 pub(crate) use verdict::physical_range;
 pub use verdict::{InfeasibilityCertificate, Verdict, verdict};
+pub(crate) use words::{
+    MAX_COST, describe_draws, describe_fit, describe_gap, describe_held, describe_verdict,
+    limits_of_free_masses, unbounded,
+};

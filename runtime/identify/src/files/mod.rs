@@ -5,7 +5,6 @@ mod constants;
 mod error;
 mod json;
 mod loads;
-mod mistakes;
 mod places;
 mod predictions;
 mod rows;
@@ -18,19 +17,19 @@ use regen_runtime::{BaseModel, BaseParameter, Info};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+pub use crate::document::{Mistake, Mistakes, Remedy, require_regular};
 pub use constants::{c_constants, python_constants, rust_constants};
 pub use error::FileError;
 pub use loads::{CovarianceRows, GainRow, PayloadRow, PayloadValueRow};
-pub use mistakes::{Mistake, Mistakes, Remedy};
 pub use places::part_at;
 pub use predictions::Predictions;
 pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
 pub use states::{MotionState, State, states};
 
+use crate::choice::Choice;
 use crate::feasibility::{ParameterLayout, unit};
 use crate::identify::digest;
 use crate::model::{IdentifiedModel, Provenance};
-use crate::session::Choice;
 use crate::status::{EffortContributions, Status};
 
 /// The format of a file.
@@ -86,29 +85,6 @@ impl Format {
                 .map_err(|error| FileError::Syntax(error.to_string())),
         }
     }
-}
-
-/// Refuses pipes and devices, before they are opened: they may never end, and cannot be read twice. For
-/// logs, and for every file that another one names.
-///
-/// # Errors
-/// If the file is neither a regular one nor a folder, or does not exist.
-///
-/// ```
-/// use regen_identify::files::require_regular;
-///
-/// assert!(require_regular(&std::env::temp_dir()).is_ok());
-/// # #[cfg(unix)]
-/// assert!(require_regular("/dev/null".as_ref()).is_err());
-/// ```
-pub fn require_regular(path: &std::path::Path) -> std::io::Result<()> {
-    let found = std::fs::metadata(path)?;
-    if found.is_file() || found.is_dir() {
-        return Ok(());
-    }
-    Err(std::io::Error::other(
-        "this is a pipe or a device, which can be read only once or never ends: save it as a file",
-    ))
 }
 
 /// The content of a file of identified parameters. All lists belong to the adopted model, except

@@ -1,7 +1,7 @@
 //! Where the parts of a file that messages name are in its text.
 
 use super::FileError;
-use crate::experiment_file::{Node, NodeKind};
+use crate::document::{Node, NodeKind};
 
 impl FileError {
     /// The byte at which the part of the text begins that the error is about; `None` where it is about the

@@ -5,8 +5,9 @@ use std::fmt::Write as _;
 use regen_runtime::BaseModel;
 
 use crate::data::DataError;
-use crate::identify::{EquationBuilder, EquationKind, Source};
+use crate::identify::{EquationBuilder, EquationKind};
 use crate::model::IdentifiedModel;
+use crate::states::Source;
 
 /// The measured right-hand sides of all equations of some runs, and the ones that models predict.
 ///

@@ -5,7 +5,7 @@ use regen_runtime::Info;
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
-use super::mistakes::{Mistake, Mistakes, Remedy};
+use super::{Mistake, Mistakes, Remedy};
 
 /// Position, velocity and acceleration of some coordinates: rad or m, and their derivatives by time
 /// in s.

@@ -6,63 +6,14 @@ use super::columns::FrictionColumns;
 use super::reduced::{Linearised, Reduced};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
-use crate::identify::{Filtering, normalise};
+use crate::identify::normalise;
 use crate::signals::SignalError;
+use crate::states::{Filtering, FrictionJoint};
+use regen_runtime::Friction;
 use regen_runtime::friction::SHAPES;
-use regen_runtime::{Condition, Friction, Model, SizeError};
-
-/// How friction at joints acts on the rows of the reduced model: column k is the derivative of the
-/// velocity of joint k by the independent velocities, which is a unit vector for an independent
-/// joint and a row of -X for a dependent one (Eq. 10).
-///
-/// - `q`: n coordinates, rad or m; `joints`: indices of coordinates;
-/// - returns: dof x joints, column by column, and the worst condition of the linear solves.
-///
-/// # Errors
-/// When a length does not fit.
-pub fn directions<M: Model<f64> + ?Sized>(
-    model: &M,
-    q: &[f64],
-    joints: &[usize],
-) -> Result<(Vec<f64>, Condition<f64>), SizeError> {
-    let info = model.info();
-    let (n, dof) = (info.coordinates.len(), info.dof());
-    let mut out = vec![0.0; dof * joints.len()];
-    let mut unit = vec![0.0; dof];
-    let mut qd = vec![0.0; n];
-    let mut worst: Option<Condition<f64>> = None;
-    for i in 0..dof {
-        unit.fill(0.0);
-        unit[i] = 1.0;
-        let condition = model.velocities(q, &unit, &mut qd)?;
-        if worst.is_none_or(|w| condition.pivot < w.pivot) {
-            worst = Some(condition);
-        }
-        for (k, joint) in joints.iter().enumerate() {
-            out[k * dof + i] = qd.get(*joint).copied().ok_or(SizeError {
-                argument: "joints",
-                expected: n,
-                got: joint + 1,
-            })?;
-        }
-    }
-    match worst {
-        Some(condition) => Ok((out, condition)),
-        None => Ok((out, model.velocities(q, &unit, &mut qd)?)),
-    }
-}
 
 /// One of so many moving samples is slow.
 const SLOW_PART: usize = 100;
-
-/// A joint with nonlinear friction.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FrictionJoint {
-    /// The coordinate's name.
-    pub name: String,
-    /// Its friction law, one that is nonlinear in some of its values.
-    pub friction: Friction,
-}
 
 /// The filtered equations in the linear parameters, with the unfiltered motion of the joints whose
 /// friction is nonlinear. All of it stays in memory, because the columns of friction change with

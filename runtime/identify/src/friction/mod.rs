@@ -24,8 +24,8 @@ mod scores;
 mod starts;
 mod values;
 
-pub use data::{FrictionData, FrictionJoint, directions};
+pub use data::FrictionData;
 pub use fit::{FrictionFit, JointFit, fit};
 pub use intervals::{FrictionIntervals, intervals};
-pub use passes::{JointEfforts, collect, nonlinear_joints, residuals};
+pub use passes::{JointEfforts, collect, residuals};
 pub(crate) use passes::{discretisation, observe_linear_friction, with_linear_friction};

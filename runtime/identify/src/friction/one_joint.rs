@@ -104,7 +104,7 @@ impl FrictionData {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::friction::FrictionJoint;
+    use crate::states::FrictionJoint;
 
     #[test]
     fn one_joint_leaves_what_all_leave_and_less_where_the_shapes_of_the_others_may_move() {

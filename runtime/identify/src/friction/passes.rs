@@ -3,27 +3,16 @@
 
 use core::cell::RefCell;
 
-use super::{FrictionData, FrictionJoint, JointFit, directions};
+use super::{FrictionData, JointFit};
 use crate::estimate::{EstimateError, FactorSet, QrFactor, Residuals};
 use crate::feasibility::FeasibilityError;
 use crate::identify::{
-    ChangedEfforts, ChangedParameters, Columns, EquationBuilder, EquationKind, Identified, LeftOut,
-    Options, Source, StateSample, equations, identify_with_columns, observe_with_columns,
+    ChangedParameters, Columns, EquationBuilder, EquationKind, Identified, LeftOut, Options,
+    equations, identify_with_columns, observe_with_columns,
 };
+use crate::states::{ChangedEfforts, Source, StateSample};
+use crate::states::{FrictionJoint, directions, nonlinear_joints};
 use regen_runtime::{BaseModel, SizeError, Status};
-
-/// The joints of a model whose friction law is nonlinear.
-pub fn nonlinear_joints<M: BaseModel<f64> + ?Sized>(model: &M) -> Vec<FrictionJoint> {
-    let info = model.info();
-    let pairs = info.coordinates.iter().zip(info.joints);
-    pairs
-        .filter(|(_, joint)| !joint.friction.is_linear())
-        .map(|(name, joint)| FrictionJoint {
-            name: (*name).to_owned(),
-            friction: joint.friction,
-        })
-        .collect()
-}
 
 /// The indices of coordinates by their names.
 fn places<M: BaseModel<f64> + ?Sized>(

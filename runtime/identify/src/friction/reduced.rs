@@ -296,9 +296,9 @@ impl Linearised {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::friction::FrictionJoint;
-    use crate::identify::Filtering;
     use crate::signals::Smoothing;
+    use crate::states::Filtering;
+    use crate::states::FrictionJoint;
 
     /// Equations of two efforts with the friction of three joints, one of which acts on one effort
     /// alone, in two runs, with rows that are left out and a linear column of zeros.

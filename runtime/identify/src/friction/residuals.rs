@@ -27,7 +27,7 @@ impl FrictionData {
             ("values", r, values.len()),
             ("friction", joints, friction.len()),
         ] {
-            crate::identify::require(what, expected, got)?;
+            crate::estimate::require(what, expected, got)?;
         }
         // the weight of an equation may be 0, then it is not used
         let unweighted = |x: f64, weight: f64| if weight > 0.0 { x / weight } else { 0.0 };

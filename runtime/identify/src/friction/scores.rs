@@ -171,8 +171,8 @@ impl FrictionData {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod tests {
-    use super::super::FrictionJoint;
     use super::*;
+    use crate::states::FrictionJoint;
     use regen_runtime::Friction;
 
     /// An arctangent that hardly bends has nearly the column of viscous friction.

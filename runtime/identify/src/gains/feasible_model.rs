@@ -5,9 +5,11 @@ use super::linear::Column;
 use super::payload::{InertialParameters, physical_value};
 use super::{GainError, GainFit};
 use crate::feasibility::PhysicalFit;
+use crate::feasibility::{describe_draws, describe_fit, unbounded};
 use crate::intervals::{Draws, LeastSquares, ProjectedDraws, Spread, determined, replicate};
-use crate::model::{Covariance, Gain, IdentifiedModel, IdentifiedPayload, Intervals, PayloadValue};
-use crate::session::{describe_draws, describe_fit, drawn_interval, unbounded};
+use crate::model::{
+    Covariance, Gain, IdentifiedModel, IdentifiedPayload, Interval, Intervals, PayloadValue,
+};
 
 impl Constrained<'_> {
     /// The identified model.
@@ -27,7 +29,7 @@ impl Constrained<'_> {
             draws => Some(self.drawn(found, state, draws, physical.progress)?),
         };
         let interval_of = |spread: &dyn Fn(&ProjectedDraws) -> Spread| {
-            drawn_interval(&spread(drawn.as_ref()?), confidence)
+            Interval::drawn(&spread(drawn.as_ref()?), confidence)
         };
         // an interval of a value, from the value in each draw
         let interval = |value: f64, of: &dyn Fn(&ProjectedDraws) -> Vec<f64>| {

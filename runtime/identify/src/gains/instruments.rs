@@ -19,8 +19,9 @@ use crate::data::DataError;
 use crate::estimate::{EstimateError, Origin};
 use crate::identify::{
     ChangedParameters, Equations, HeldEfforts, InstrumentOptions, Instrumental,
-    InstrumentedEquations, MotionSeries, Source, instrumental_of,
+    InstrumentedEquations, instrumental_of,
 };
+use crate::states::{MotionSeries, Source};
 use regen_runtime::BaseModel;
 
 /// Callback that returns the motions of the instruments, one for each run, for the base parameters of
@@ -57,7 +58,8 @@ pub struct LoadedInstruments {
 /// # }
 /// # use models::Pendulum;
 /// use regen_identify::gains::{CarriedRun, GainError, KnownRobot, Plan, instrumental};
-/// use regen_identify::identify::{InstrumentOptions, MotionSeries, Recorded};
+/// use regen_identify::identify::{InstrumentOptions};
+/// use regen_identify::states::{MotionSeries, Recorded};
 ///
 /// // a pendulum of 0.5 kg m^2 and 2 kg m whose motor gives 4 N m/A, with noise in its acceleration
 /// let (mut log, mut motion) = (Recorded::new(), MotionSeries::new(1));

@@ -9,8 +9,9 @@ use super::statistics::Solved;
 use super::unknowns::{GainKind, Point, Unknowns, spread};
 use crate::data::DataError;
 use crate::estimate::{EstimateError, FactorSet, QrFactor};
-use crate::identify::{ChangedParameters, Equations, HeldEfforts, MotionSeries, Source};
+use crate::identify::{ChangedParameters, Equations, HeldEfforts};
 use crate::model::Covariance;
+use crate::states::{MotionSeries, Source};
 use regen_runtime::BaseModel;
 
 /// An unknown of the linearised equations.

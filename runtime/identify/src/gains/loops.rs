@@ -15,7 +15,8 @@ use super::statistics::Solved;
 use super::unknowns::Point;
 use super::{GainError, GainFit, GainOptions, Plan, origin};
 use crate::estimate::{EstimateError, Origin, QrFactor};
-use crate::identify::{Columns, Recorded, StateSample};
+use crate::identify::Columns;
+use crate::states::{Recorded, StateSample};
 use regen_runtime::BaseModel;
 
 /// The unknown gains and payloads of runs that are simulated. Lists of unknowns have the base parameters
@@ -59,7 +60,7 @@ impl<'a, M: BaseModel<f64> + ?Sized> LoadedLoops<'a, M> {
         start: &[f64],
     ) -> Result<Self, GainError> {
         let mut planned = Planned::new(model, plan, carried)?;
-        crate::identify::require("start", planned.base, start.len())?;
+        crate::estimate::require("start", planned.base, start.len())?;
         planned.unknowns.known.push(1.0);
         let own = |load: &super::payload::Load| -> Vec<f64> {
             let base: Vec<f64> = load.base.iter().map(|k| start[*k]).collect();

@@ -36,8 +36,9 @@ pub use payload::KnownPayload;
 
 use crate::data::DataError;
 use crate::estimate::{Deviations, EffortError, EffortFit, Estimate, Origin, Weighting};
-use crate::identify::{EquationBuilder, EquationKind, LeftOut, Source};
+use crate::identify::{EquationBuilder, EquationKind, LeftOut};
 use crate::model::{Covariance, IdentifiedModel};
+use crate::states::Source;
 use crate::status::EffortContributions;
 use optimum::Optimum;
 use planned::Planned;
@@ -141,7 +142,7 @@ pub struct GainFit {
 /// # }
 /// # use models::Pendulum;
 /// use regen_identify::gains::{CarriedRun, GainError, GainOptions, KnownRobot, Plan, fit};
-/// use regen_identify::identify::Recorded;
+/// use regen_identify::states::Recorded;
 ///
 /// // a pendulum of 0.5 kg m^2 and 2 kg m whose motor gives 4 N m/A
 /// let mut log = Recorded::new();

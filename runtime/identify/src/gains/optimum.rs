@@ -9,7 +9,7 @@ use super::unknowns::{Point, Unknowns};
 use super::{GainError, GainOptions, Plan};
 use crate::data::DataError;
 use crate::estimate::{FactorSet, Origin};
-use crate::identify::Source;
+use crate::states::Source;
 use regen_runtime::BaseModel;
 
 /// The unknowns for which the equations fit best.

@@ -42,7 +42,7 @@ impl Planned {
         let robot = match &plan.robot {
             None => of_robot.clone(),
             Some(robot) => {
-                crate::identify::require("beta", n, robot.beta.len())?;
+                crate::estimate::require("beta", n, robot.beta.len())?;
                 for k in &of_robot {
                     known[*k] = robot.beta[*k];
                 }

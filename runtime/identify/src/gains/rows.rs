@@ -8,10 +8,8 @@ use nalgebra::DMatrix;
 use super::{CarriedRun, GainError};
 use crate::data::DataError;
 use crate::estimate::EstimateError;
-use crate::identify::{
-    ChangedEfforts, Columns, EquationKind, InstrumentRegressor, LeftOut, MotionSeries, NoColumns,
-    Replay, Source, StateSample,
-};
+use crate::identify::{Columns, EquationKind, InstrumentRegressor, LeftOut, NoColumns, Replay};
+use crate::states::{ChangedEfforts, MotionSeries, Source, StateSample};
 use regen_runtime::{BaseModel, Status};
 
 /// The equations of one sample.
@@ -109,7 +107,7 @@ where
         columns: Box<dyn Columns + 'a>,
     ) -> Result<Self, GainError> {
         let r = model.base_info().base.len();
-        crate::identify::require("columns", r + 2, columns.count())?;
+        crate::estimate::require("columns", r + 2, columns.count())?;
         let layout = Layout {
             w: (r, r + 1),
             measured: Some(2 * r + 1),
@@ -147,7 +145,7 @@ where
         &mut self,
         motions: &[Rc<MotionSeries>],
     ) -> Result<(), GainError> {
-        crate::identify::require("motions", self.runs.len(), motions.len())?;
+        crate::estimate::require("motions", self.runs.len(), motions.len())?;
         let r = self.model.base_info().base.len();
         for ((replay, _), motion) in self.runs.iter_mut().zip(motions) {
             let columns = InstrumentRegressor::new(self.model, motion.clone())?;
@@ -171,7 +169,7 @@ where
         } else {
             0
         };
-        Ok(crate::identify::require(
+        Ok(crate::estimate::require(
             "motions",
             self.runs.len(),
             motions,
@@ -258,8 +256,8 @@ where
             let beta = without(x, absent);
             let motion = motions.and_then(|all| all.get(run)).map(AsRef::as_ref);
             let mut changed = |state: &ChangedEfforts<'_>| {
-                crate::identify::require("w", dof * r, state.w.len())?;
-                crate::identify::require("change", dof, state.change.len())?;
+                crate::estimate::require("w", dof * r, state.w.len())?;
+                crate::estimate::require("change", dof, state.change.len())?;
                 let mut all = [state.w, state.change].concat();
                 if let Some(by_drive) = &mut by_drive {
                     let own = all.clone();

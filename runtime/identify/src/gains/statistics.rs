@@ -16,8 +16,9 @@ use crate::estimate::{
     Autoregression, Blocks, Deviations, Estimate, EstimateError, FactorSet, ORDER, QrFactor,
     Residuals, Scores,
 };
-use crate::identify::{ChangedParameters, HeldEfforts, Instrumental, LeftOut, Source};
+use crate::identify::{ChangedParameters, HeldEfforts, Instrumental, LeftOut};
 use crate::qr_update::substitute;
+use crate::states::Source;
 use crate::status::EffortContributions;
 use regen_runtime::BaseModel;
 

@@ -2,41 +2,8 @@
 //! of the motion and the efforts: equations of motion or energy balances.
 
 use crate::estimate::{EstimateError, Origin};
+use crate::states::StateSample;
 use regen_runtime::{BaseModel, Condition, Status};
-
-/// One sample of a log: the state of motion of all n coordinates with its efforts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StateSample<'a> {
-    /// Time, s.
-    pub time: f64,
-    /// All n coordinates in the model's order, rad or m.
-    pub q: &'a [f64],
-    /// Their n velocities, rad/s or m/s.
-    pub qd: &'a [f64],
-    /// Their n accelerations, rad/s^2 or m/s^2; not used by energy balances.
-    pub qdd: &'a [f64],
-    /// The left side of Eq. 10, `dof` entries in the order of `Info::independent`, N or N m: see
-    /// [`Model::generalized_forces`](regen_runtime::Model::generalized_forces).
-    pub tau: &'a [f64],
-    /// The efforts of the actuated joints as they were measured, in the order of
-    /// `Info::actuated`, N or N m; empty where they are not known.
-    pub efforts: &'a [f64],
-    /// For each of the actuated joints the residual of its effort with the right parameters if the
-    /// controller holds efforts from row to row, N or N m; empty where accelerations are not computed
-    /// from sampled motion.
-    pub held: &'a [f64],
-    /// For each of the n coordinates, whether it is at rest, or moves so slowly that noise decides on
-    /// the direction of its friction; empty where that is not known.
-    pub at_standstill: &'a [bool],
-    /// The weight of each equation of this sample, `dof` entries, which multiplies the weight of
-    /// the effort; an energy balance has the first entry of the sample at which its window starts.
-    pub weights: &'a [f64],
-    /// Whether the sample follows the one before it without a gap.
-    pub follows: bool,
-    /// Whether its motion or its efforts are interpolated across a gap in the log: it keeps a filter
-    /// going, and gives no equation.
-    pub bridged: bool,
-}
 
 /// The kind of equations that are set up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -315,8 +282,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         condition: Condition<f64>,
     ) -> Result<bool, EstimateError> {
         let dof = self.model.info().dof();
-        super::require("tau", dof, sample.tau.len())?;
-        super::require("weights", dof, sample.weights.len())?;
+        crate::estimate::require("tau", dof, sample.tau.len())?;
+        crate::estimate::require("weights", dof, sample.weights.len())?;
         Ok(condition.status() != Status::Singular && all_finite(w))
     }
 
@@ -328,8 +295,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         window: f64,
     ) -> Result<bool, EstimateError> {
         let info = self.model.info();
-        super::require("tau", info.dof(), sample.tau.len())?;
-        super::require("qd", info.coordinates.len(), sample.qd.len())?;
+        crate::estimate::require("tau", info.dof(), sample.tau.len())?;
+        crate::estimate::require("qd", info.coordinates.len(), sample.qd.len())?;
         if sample.bridged {
             // the work across a gap is not known
             self.balance = None;

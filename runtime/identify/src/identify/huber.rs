@@ -2,10 +2,11 @@
 //! estimate of values and scales.
 
 use super::equation_builder::Equations;
-use super::passes::{Source, predictions};
+use super::passes::predictions;
 use super::replay::Replay;
 use crate::estimate::huber::{self as loss, Partition};
 use crate::estimate::{Accumulator, Estimate, EstimateError, FactorSet, QrFactor, Weighting};
+use crate::states::Source;
 use regen_runtime::BaseModel;
 
 /// Equations whose residual is below this part of Huber's bound are taken as [`Inner`] ones: their

@@ -1,17 +1,13 @@
-//! Identifies base parameters: completes states of motion, sets up equations, solves for the
+//! Identifies base parameters: sets up equations, solves for the
 //! parameters in passes over the log.
 
 mod delay;
 mod equation_builder;
-mod filtering;
-mod fusion;
 mod held;
 mod huber;
 mod instruments;
-mod motion;
 mod passes;
 mod pending;
-mod recorded;
 mod replay;
 mod residual_passes;
 mod rests;
@@ -19,54 +15,28 @@ mod sampling;
 mod slower;
 mod stored;
 mod stream;
-pub mod suspect;
 
 pub use delay::{Delay, Delays};
-pub use equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
-pub use filtering::{Filtering, Standstill};
+pub use equation_builder::{EquationBuilder, EquationKind, Equations};
 pub(crate) use held::HeldEfforts;
-pub use instruments::{
-    Hausman, InstrumentOptions, Instrumental, MotionSeries, MotionSource, instrumental,
-};
-pub(crate) use instruments::{
-    InstrumentRegressor, InstrumentedEquations, TrackedMotion, instrumental_of,
-};
-pub use motion::{Completed, CompletedStates, Completeness, Completion};
+pub use instruments::{Hausman, InstrumentOptions, Instrumental, MotionSource, instrumental};
+pub(crate) use instruments::{InstrumentRegressor, InstrumentedEquations, instrumental_of};
 pub use passes::{
-    Identified, Options, Source, errors_of_prediction, identify, identify_linearised, observe,
-    residuals,
+    Identified, Options, errors_of_prediction, identify, identify_linearised, observe, residuals,
 };
 pub(crate) use passes::{
     identify_and_store, identify_with_columns, observe_weighed, observe_with_columns,
 };
-pub use recorded::Recorded;
 pub(crate) use replay::Replay;
 pub(crate) use residual_passes::samples_per_independent_one;
-pub use sampling::ChangedEfforts;
 pub(crate) use sampling::ChangedParameters;
 pub(crate) use stored::Means;
 pub use stored::StoredEquations;
+pub(crate) use stream::normalise;
 pub use stream::{Columns, LeftOut, NoColumns, equations};
-pub(crate) use stream::{depends_on_direction, normalise};
 
-use crate::estimate::EstimateError;
+use crate::states::Source;
 use regen_runtime::{BaseModel, Status};
-
-/// Returns an error unless a length is the expected one.
-pub(crate) fn require(
-    what: &'static str,
-    expected: usize,
-    got: usize,
-) -> Result<(), EstimateError> {
-    if expected == got {
-        return Ok(());
-    }
-    Err(EstimateError::Size {
-        what,
-        expected,
-        got,
-    })
-}
 
 /// The base parameters, as indices, whose columns are 0 in all equations of motion of a log that have a
 /// weight: nothing that is measured depends on them.

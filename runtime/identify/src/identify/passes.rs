@@ -3,63 +3,22 @@
 use serde::{Deserialize, Serialize};
 
 use super::delay::{DelayFit, DelayScores, Delays};
-use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
-use super::filtering::Filtering;
+use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::huber::{Reweighting, partitioned, reweighted};
-use super::instruments::MotionSeries;
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
 use super::rests::weighed_by_rests;
-use super::sampling::ChangedEfforts;
 use super::slower::delays_of_slower_motion;
 use super::stored::StoredEquations;
 use super::stream::{Columns, LeftOut, equations};
 use crate::estimate::huber as loss;
 use crate::estimate::{
-    Accumulator, Blocks, Deviations, EffortError, Estimate, EstimateError, FactorSet, QrFactor,
-    Residuals, Weighting, bartlett_stretches,
+    Accumulator, Blocks, Deviations, EffortError, Estimate, FactorSet, QrFactor, Residuals,
+    Weighting, bartlett_stretches,
 };
-use crate::friction::nonlinear_joints;
+use crate::states::Source;
+use crate::states::nonlinear_joints;
 use regen_runtime::BaseModel;
-
-/// A log that can be read any number of times: each pass of the identification reads it once.
-pub trait Source {
-    /// The error of reading the log.
-    type Error: From<EstimateError>;
-
-    /// Passes all rows to `each` in order of time.
-    ///
-    /// # Errors
-    /// When the log cannot be read, and the errors of `each`.
-    fn visit(
-        &mut self,
-        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
-    ) -> Result<(), Self::Error>;
-
-    /// How the equations of the rows are filtered, decimated and left out at standstill.
-    fn filtering(&self) -> Filtering;
-
-    /// Passes some hundred states, each with the change of its predicted efforts if the same positions
-    /// are differentiated in another way: what sampling leaves unknown of the motion. There are none
-    /// where motion is not differentiated from positions, as here.
-    ///
-    /// - `beta`: the r base parameters that predict the efforts, SI;
-    /// - `motion`: for [`instrumental`](super::instrumental) variables their motion, in place of the
-    ///   measured one, whose noise both ways of differentiation would pass to different extents. A log
-    ///   whose motion is a series or the average of its periods is compared as it was measured.
-    ///
-    /// # Errors
-    /// When the log cannot be read, or the motion is not that of the model, and the errors of `each`.
-    fn changed_efforts(
-        &mut self,
-        beta: &[f64],
-        motion: Option<&MotionSeries>,
-        each: &mut dyn FnMut(&ChangedEfforts<'_>) -> Result<(), EstimateError>,
-    ) -> Result<(), Self::Error> {
-        let _ = (beta, motion, each);
-        Ok(())
-    }
-}
 
 /// Options of a least-squares estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -233,7 +192,8 @@ fn products<const N: usize>(w: &[f64], values: &[f64]) -> [f64; N] {
 /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
 /// # }
 /// # use models::Pendulum;
-/// use regen_identify::identify::{EquationKind, Options, Recorded, identify};
+/// use regen_identify::identify::{EquationKind, Options, identify};
+/// use regen_identify::states::{Recorded};
 ///
 /// // a pendulum of 0.5 kg m^2 and 2 kg m about its axis, moved as q = sin(t)
 /// let mut log = Recorded::new();
@@ -284,7 +244,7 @@ pub(crate) fn identify_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Siz
     columns: Box<dyn Columns + '_>,
     labels: &[String],
 ) -> Result<Identified, S::Error> {
-    super::require("labels", columns.count(), labels.len())?;
+    crate::estimate::require("labels", columns.count(), labels.len())?;
     let mut replay = Replay::with_parameters(model, source, columns, labels);
     identify_replayed(&mut replay, options, true)
 }
@@ -299,7 +259,7 @@ pub(crate) fn observe_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Size
     labels: &[String],
     static_friction: &[f64],
 ) -> Result<FactorSet, S::Error> {
-    super::require("labels", columns.count(), labels.len())?;
+    crate::estimate::require("labels", columns.count(), labels.len())?;
     let mut replay = Replay::with_parameters(model, source, columns, labels).once();
     replay.set_static_friction(static_friction.to_vec());
     reduce(&mut replay)
@@ -327,7 +287,8 @@ pub(crate) fn observe_with_columns<M: BaseModel<f64> + ?Sized, S: Source + ?Size
 /// # }
 /// # use models::Pendulum;
 /// use regen_identify::estimate::EstimateError;
-/// use regen_identify::identify::{Columns, Options, Recorded, StateSample, identify_linearised};
+/// use regen_identify::identify::{Columns, Options, identify_linearised};
+/// use regen_identify::states::{Recorded, StateSample};
 ///
 /// const AT: [f64; 2] = [0.4, 2.5];
 ///
@@ -383,8 +344,8 @@ pub fn identify_linearised<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     at: &[f64],
 ) -> Result<Identified, S::Error> {
     let base = model.base_info().base.len();
-    super::require("columns", base + 1, linearised.count())?;
-    super::require("base parameters", base, at.len())?;
+    crate::estimate::require("columns", base + 1, linearised.count())?;
+    crate::estimate::require("base parameters", base, at.len())?;
     let found = {
         let replay = Replay::with_columns(model, EquationKind::Forces, &mut *source, linearised);
         identify_replayed(&mut replay.linearised(at), options, false)?
@@ -412,7 +373,7 @@ pub fn errors_of_prediction<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     lags: usize,
 ) -> Result<Residuals, S::Error> {
     let kind = EquationKind::Forces;
-    super::require("columns", 1, difference.count())?;
+    crate::estimate::require("columns", 1, difference.count())?;
     let mut rows = StoredEquations::default();
     let mut sums = vec![[0.0; 2]; model.info().dof()];
     equations(model, kind, source, difference, &mut |found| {

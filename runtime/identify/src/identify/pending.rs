@@ -1,7 +1,7 @@
 //! Samples that wait until the regressors of many of them are computed at once.
 
-use super::equation_builder::StateSample;
 use crate::estimate::EstimateError;
+use crate::states::StateSample;
 use crate::turned::turn;
 use regen_batch::eval_base_many;
 use regen_runtime::{Arguments, BaseFunction, BaseModel};

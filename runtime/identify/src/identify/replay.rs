@@ -1,10 +1,10 @@
 //! Stores a log's equations for repeated passes over them.
 
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
-use super::passes::Source;
 use super::stored::StoredEquations;
 use super::stream::{Columns, LeftOut, NoColumns, equations_with_friction};
 use crate::estimate::{EstimateError, Origin};
+use crate::states::Source;
 use regen_runtime::BaseModel;
 
 /// The largest number of values that are stored: 64 MiB. Longer logs are read again in each pass,
@@ -224,8 +224,8 @@ fn linearised<'s>(found: &Equations<'s>, around: &[f64], sides: &'s mut Vec<f64>
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::{Recorded, StateSample};
     use super::*;
+    use crate::states::{Recorded, StateSample};
 
     #[allow(unreachable_pub, dead_code, reason = "a model of other tests")]
     mod models {

@@ -3,8 +3,9 @@
 use super::delay::{DelayFit, DelayScores};
 use super::equation_builder::Equations;
 use super::huber::Huber;
-use super::passes::{Options, Source, predictions};
+use super::passes::{Options, predictions};
 use super::replay::Replay;
+use crate::states::Source;
 use std::collections::VecDeque;
 
 use crate::estimate::huber::PsiSums;

@@ -1,11 +1,12 @@
 //! Least squares that weighs equations by what static friction disturbs of them.
 
-use super::filtering::Standstill;
-use super::passes::{Source, reduce};
+use super::passes::reduce;
 use super::replay::Replay;
 use super::stream::MAX_RESTED_PART;
 use crate::estimate::{Estimate, FactorSet, Weighting};
 use crate::signals::Smoothing;
+use crate::states::Source;
+use crate::states::Standstill;
 use regen_runtime::BaseModel;
 
 /// How often the weights are computed from the noise that they leave.

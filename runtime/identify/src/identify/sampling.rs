@@ -1,28 +1,12 @@
 //! What the sampling of the positions leaves unknown of their derivatives, and so of the
 //! parameters.
 
-use super::require;
+use crate::estimate::require;
 use crate::estimate::{EstimateError, QrFactor};
 
 /// Weight of the whole log's QR factor against the equations of the sampled states: it decides
 /// only where these contain little information.
 const WHOLE_LOG_WEIGHT: f64 = 1e-3;
-
-/// A state at which positions were differentiated in two ways.
-#[derive(Clone, Copy, Debug)]
-pub struct ChangedEfforts<'a> {
-    /// The positions of all coordinates, rad or m.
-    pub q: &'a [f64],
-    /// The velocities of all coordinates, rad/s or m/s, and those with the other derivatives.
-    pub qd: [&'a [f64]; 2],
-    /// The base regressor, dof x r, column-major, SI.
-    pub w: &'a [f64],
-    /// The predicted efforts less those with the other derivatives, dof, N m or N. The positions of
-    /// both are nearly the same.
-    pub change: &'a [f64],
-    /// The number of rows of the log for which the state stands.
-    pub rows: f64,
-}
 
 /// Computes by how much parameters would change with other derivatives.
 ///

@@ -3,12 +3,12 @@
 use regen_runtime::BaseModel;
 
 use super::delay::{DelayFit, Delays};
-use super::equation_builder::StateSample;
-use super::filtering::Filtering;
-use super::passes::Source;
 use super::replay::Replay;
 use crate::estimate::{Estimate, EstimateError};
 use crate::signals::Smoothing;
+use crate::states::Filtering;
+use crate::states::Source;
+use crate::states::StateSample;
 
 /// The half width of the regression that smooths equations without a filter, in samples: it leaves
 /// about the lower quarter of their frequencies.

@@ -2,14 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
-use super::filtering::{Filtering, Standstill};
-use super::passes::Source;
+use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::pending::Pending;
 use crate::estimate::EstimateError;
-use crate::friction::directions;
 use crate::signals::{SignalError, Smoothing};
-use regen_runtime::{BaseModel, Condition, Friction, Joint};
+use crate::states::Source;
+use crate::states::StateSample;
+use crate::states::depends_on_direction;
+use crate::states::directions;
+use crate::states::{Filtering, Standstill};
+use regen_runtime::{BaseModel, Condition};
 
 /// How many samples and equations a pass used and left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -227,11 +229,6 @@ struct Stream<'m, M: ?Sized> {
     settled: usize,
     irregular: usize,
     left: LeftOut,
-}
-
-/// Whether a joint has friction that depends on the direction of its motion.
-pub(crate) fn depends_on_direction(joint: &Joint) -> bool {
-    !matches!(joint.friction, Friction::None | Friction::Viscous)
 }
 
 /// Which coordinates have friction that depends on the direction.

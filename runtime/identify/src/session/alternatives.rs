@@ -3,11 +3,12 @@
 use regen_runtime::BaseModel;
 
 use super::choice::{
-    BIAS_WEIGHT, Basis, Choice, KnownBias, LossChoice, ORDER, Search, SeriesChoice, Trial,
-    VelocityChoice, all_errors, fitted, mean_square, rate_of, trial,
+    BIAS_WEIGHT, Basis, KnownBias, ORDER, Search, Trial, all_errors, fitted, mean_square, rate_of,
+    trial,
 };
 use super::motion_noise::{NoisyLogs, is_undetermined, rates};
 use super::{Session, SessionError};
+use crate::choice::{Choice, LossChoice, SeriesChoice, VelocityChoice};
 use crate::data::{DataError, Logs, Run, Settings};
 use crate::identify::Delay;
 use crate::signals::{Method, SignalError, fitting_series};

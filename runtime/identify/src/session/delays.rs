@@ -5,8 +5,9 @@ use regen_runtime::BaseModel;
 use super::{MonitoredLogs, Session, SessionError};
 use crate::data::{DataError, Run};
 use crate::estimate::EstimateError;
-use crate::friction::{nonlinear_joints, with_linear_friction};
+use crate::friction::with_linear_friction;
 use crate::identify::{self, Delay, EquationKind, Identified, Options};
+use crate::states::nonlinear_joints;
 
 /// The largest number of rounds of correcting delays; usually three suffice.
 const MAX_ROUNDS: usize = 10;

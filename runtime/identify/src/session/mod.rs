@@ -26,16 +26,13 @@ use crate::data::{DataError, Logs, Run, Settings, ValuesFrom};
 use crate::identify::{EquationKind, Options};
 
 pub use alternatives::HUBER_BOUND;
-pub use choice::{
-    Candidate, Choice, LossChoice, OpenChoices, SeriesChoice, VelocityChoice, chosen,
-};
+pub use choice::{OpenChoices, chosen};
 pub use compare::{LogError, compare, residuals_of};
 pub use cross::{CrossValidation, cross};
 pub use delays::{identified, settled_delays, settled_delays_within};
 pub use error::SessionError;
 pub use knowledge::{NominalTrust, PriorKnowledge};
 pub use loads::{LoadedFits, gain_options, loaded_residuals, with_gains};
-pub(crate) use physical::{describe_draws, describe_fit, drawn_interval, unbounded};
 pub use physical::{physical, scale};
 pub use reduction::{adopt, reduction};
 pub use start::{LeastSquaresStart, delay_changes, from_factors, from_logs, with_friction};

@@ -14,8 +14,9 @@ use regen_runtime::BaseModel;
 use crate::data::{DataError, Logs, NoiseLevels};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::friction::observe_linear_friction;
-use crate::identify::{Filtering, Source, StateSample, observe_weighed};
+use crate::identify::observe_weighed;
 use crate::signals::Method;
+use crate::states::{Filtering, Source, StateSample};
 
 use super::Session;
 

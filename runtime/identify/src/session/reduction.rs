@@ -8,8 +8,9 @@ use super::{LeastSquaresStart, Session, SessionError};
 use crate::data::{DataError, Run};
 use crate::estimate::{EffortFit, FactorSet, QrFactor};
 use crate::identifiability::{Change, Checks, Reduction, Step, reduce};
-use crate::identify::{self, EquationKind, NoColumns, Source};
+use crate::identify::{self, EquationKind, NoColumns};
 use crate::model::{IdentifiedModel, Intervals};
+use crate::states::Source;
 
 /// Equations of the logs that a model is validated on, in memory.
 struct Equations {

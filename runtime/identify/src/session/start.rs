@@ -10,12 +10,13 @@ use crate::estimate::{
     Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, LogErrors, QrFactor,
     Residuals, Weighting,
 };
-use crate::friction::{self, FrictionData, collect, nonlinear_joints};
+use crate::friction::{self, FrictionData, collect};
 use crate::identify::{
     self, Delays, EquationBuilder, EquationKind, Equations, HeldEfforts, Identified, LeftOut,
     NoColumns, StoredEquations, digest,
 };
 use crate::model::{IdentifiedModel, Intervals};
+use crate::states::nonlinear_joints;
 
 /// The result of least squares, and the data that further estimators need.
 pub struct LeastSquaresStart {

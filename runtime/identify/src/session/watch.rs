@@ -4,7 +4,7 @@ use regen_runtime::BaseModel;
 
 use crate::data::{DataError, Logs};
 use crate::estimate::EstimateError;
-use crate::identify::{ChangedEfforts, Filtering, MotionSeries, Source, StateSample};
+use crate::states::{ChangedEfforts, Filtering, MotionSeries, Source, StateSample};
 
 /// Number of rows between two reports of a pass.
 const REPORT_INTERVAL_ROWS: u64 = 64;

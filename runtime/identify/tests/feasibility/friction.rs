@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use regen_identify::feasibility::{BaseMap, Options, ParameterLayout, Scale};
-use regen_identify::friction::{FrictionData, FrictionFit, FrictionJoint, fit};
+use regen_identify::friction::{FrictionData, FrictionFit, fit};
+use regen_identify::states::FrictionJoint;
 use regen_runtime::Friction;
 
 use crate::robots::{Robot, robot};

@@ -2,9 +2,10 @@
 //! through the mechanism. Also the laws by themselves.
 
 use regen_identify::feasibility::FeasibilityError;
-use regen_identify::friction::{FrictionJoint, JointFit, collect, directions, residuals};
-use regen_identify::identify::{Filtering, Recorded, Source, StateSample};
+use regen_identify::friction::{JointFit, collect, residuals};
 use regen_identify::signals::Smoothing;
+use regen_identify::states::{Filtering, Recorded, Source, StateSample};
+use regen_identify::states::{FrictionJoint, directions};
 use regen_runtime::{Friction, LoopClosure, State};
 
 use crate::friction::force;

@@ -3,7 +3,8 @@
 //!
 //! A small version of `tests/examples/coverage.rs`, which counts 1,000 logs for every estimator.
 
-use regen_identify::identify::{EquationKind, Options, Recorded, identify};
+use regen_identify::identify::{EquationKind, Options, identify};
+use regen_identify::states::Recorded;
 
 use crate::models::pendulum::Pendulum;
 use crate::robust::Random;

@@ -1,9 +1,8 @@
 //! Delays of efforts: those that are there, and those that only seem so.
 
-use regen_identify::identify::{
-    Delays, EquationKind, Filtering, Options, Recorded, Standstill, identify,
-};
+use regen_identify::identify::{Delays, EquationKind, Options, identify};
 use regen_identify::signals::{Method, Smoothing};
+use regen_identify::states::{Filtering, Recorded, Standstill};
 
 use crate::models::pendulum::Pendulum;
 

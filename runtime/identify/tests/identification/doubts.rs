@@ -5,8 +5,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use regen_identify::data::{Logs, Settings};
-use regen_identify::identify::suspect::{LogColumns, suspicions};
 use regen_identify::signals::Method;
+use regen_identify::suspect::{LogColumns, suspicions};
 
 use crate::models::pendulum::Pendulum;
 

@@ -1,8 +1,7 @@
 //! The balance of energy, compared with the energies and powers of a slider-crank written by hand.
 
-use regen_identify::identify::{
-    EquationBuilder, EquationKind, Options, Recorded, StateSample, identify, residuals,
-};
+use regen_identify::identify::{EquationBuilder, EquationKind, Options, identify, residuals};
+use regen_identify::states::{Recorded, StateSample};
 use regen_runtime::LoopClosure;
 
 use crate::models::pendulum::Pendulum;

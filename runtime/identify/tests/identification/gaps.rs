@@ -6,11 +6,9 @@ use std::path::PathBuf;
 
 use regen_identify::data::{Bridged, Checks, FileReport, Gaps, Logs, Policy, Settings};
 use regen_identify::estimate::Estimate;
-use regen_identify::identify::{
-    EquationKind, Filtering, LeftOut, NoColumns, Options, Recorded, Source, StateSample, equations,
-    identify,
-};
+use regen_identify::identify::{EquationKind, LeftOut, NoColumns, Options, equations, identify};
 use regen_identify::signals::{Method, Smoothing};
+use regen_identify::states::{Filtering, Recorded, Source, StateSample};
 
 use super::robust::Random;
 use crate::models::pendulum::Pendulum;

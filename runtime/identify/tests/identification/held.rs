@@ -4,11 +4,10 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use regen_identify::data::Settings;
-use regen_identify::identify::{
-    EquationKind, InstrumentOptions, MotionSeries, Options, instrumental,
-};
+use regen_identify::identify::{EquationKind, InstrumentOptions, Options, instrumental};
 use regen_identify::session::{LeastSquaresStart, Session, Silent, from_logs};
 use regen_identify::signals::Method;
+use regen_identify::states::MotionSeries;
 
 use crate::models::pendulum::Pendulum;
 

@@ -3,9 +3,9 @@
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
-    EquationKind, InstrumentOptions, Instrumental, MotionSeries, Options, Recorded, identify,
-    instrumental,
+    EquationKind, InstrumentOptions, Instrumental, Options, identify, instrumental,
 };
+use regen_identify::states::{MotionSeries, Recorded};
 
 use crate::models::pendulum::Pendulum;
 use crate::robust::Random;

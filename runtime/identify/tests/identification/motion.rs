@@ -2,8 +2,9 @@
 
 use std::cell::Cell;
 
-use regen_identify::identify::suspect::{LogColumns, Measured, Sample, suspicions};
-use regen_identify::identify::{Completed, Completion};
+use regen_identify::data::{Measured, Sample};
+use regen_identify::states::{Completed, Completion};
+use regen_identify::suspect::{LogColumns, suspicions};
 use regen_runtime::{
     Arguments, BaseFunction, BaseInfo, BaseModel, Condition, Function, Info, LoopClosure, Model,
     SizeError,

@@ -7,8 +7,9 @@ use std::path::PathBuf;
 use regen_identify::data::{
     Checks, DataError, Decimal, Format, Header, Join, Logs, Policy, Run, Separator, Settings,
 };
-use regen_identify::identify::{EquationKind, Options, Source, identify};
+use regen_identify::identify::{EquationKind, Options, identify};
 use regen_identify::signals::{Method, SignalError};
+use regen_identify::states::Source;
 
 use crate::models::pendulum::Pendulum;
 
@@ -320,7 +321,7 @@ fn measured_velocities_alone_are_used_and_differentiated_once() {
         let found = values(run.clone(), settings);
         (found[0] / PHI[0] - 1.0).abs()
     };
-    settings.standstill = regen_identify::identify::Standstill::Keep;
+    settings.standstill = regen_identify::states::Standstill::Keep;
     let measured = error(&settings);
     settings.measured_rates = Some(false);
     let computed = error(&settings);

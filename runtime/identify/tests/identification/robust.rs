@@ -1,9 +1,8 @@
 //! Robust estimates, tested by the equations that define them, and the bandwidth of correlation.
 
 use regen_identify::estimate::EstimateError;
-use regen_identify::identify::{
-    EquationKind, Filtering, Identified, Options, Recorded, Source, StateSample, identify,
-};
+use regen_identify::identify::{EquationKind, Identified, Options, identify};
+use regen_identify::states::{Filtering, Recorded, Source, StateSample};
 
 use crate::models::pendulum::Pendulum;
 

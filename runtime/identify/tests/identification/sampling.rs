@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use regen_identify::data::{Logs, Run, Settings};
-use regen_identify::identify::{MotionSeries, Source};
 use regen_identify::signals::Method;
+use regen_identify::states::{MotionSeries, Source};
 
 use crate::models::pendulum::Pendulum;
 

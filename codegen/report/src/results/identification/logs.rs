@@ -1,9 +1,9 @@
 //! The statistics of the logs that were read, and of the equations that were left out.
 
 use regen_codegen::explain::lines::field;
+use regen_identify::choice::{Candidate, Choice};
 use regen_identify::data::FileReport;
 use regen_identify::identify::LeftOut;
-use regen_identify::session::{Candidate, Choice};
 use regen_identify::text::figure_of;
 use serde::Serialize;
 

@@ -3,9 +3,9 @@
 use regen_identify::estimate::{EffortError, Spectrum};
 use regen_identify::files::{FrictionRow, ParameterFile};
 use regen_identify::gains::GainFit;
-use regen_identify::identify::suspect::Suspicion;
 use regen_identify::identify::{Delays, LeftOut};
 use regen_identify::session::{CrossValidation, LeastSquaresStart, LogError};
+use regen_identify::suspect::Suspicion;
 use regen_response::ResponseFit;
 use serde::Serialize;
 
@@ -263,8 +263,8 @@ mod tests {
 
     use super::*;
     use regen_identify::estimate::QrFactor;
-    use regen_identify::identify::suspect::Remedy;
     use regen_identify::model::IdentifiedModel;
+    use regen_identify::suspect::Remedy;
 
     #[test]
     fn signals_count_by_their_errors_and_one_without_an_error_as_it_is() {

@@ -16,7 +16,7 @@ use serde_json::Value;
 use super::{Kind, ParquetRows, column, lists, open, unfit};
 use crate::data::file_rows::Wanted;
 use crate::data::problem::DataError;
-use crate::files::require_regular;
+use crate::document::require_regular;
 
 /// The column of the index of the episode.
 const EPISODE: &str = "episode_index";

@@ -11,18 +11,14 @@
 //! is consistent. Here Z is the regressor at another motion, which the caller gives for the
 //! present estimate: that of a simulation of the robot under control (IDIM-IV: Janot, Vandanjon
 //! and Gautier, A generic instrumental variable approach for industrial robot identification,
-//! 2014), or the measured one after smoothing ([`MotionSeries::smoothed`]). Z is filtered like W.
+//! 2014), or the measured one after smoothing ([`MotionSeries::smoothed`](crate::states::MotionSeries::smoothed)). Z is filtered like W.
 
 mod deviations;
 mod hausman;
-mod motion;
 mod regressor;
 mod sums;
-mod tracked;
 
-pub use motion::MotionSeries;
 pub(crate) use regressor::InstrumentRegressor;
-pub(crate) use tracked::TrackedMotion;
 
 use std::rc::Rc;
 
@@ -32,7 +28,7 @@ use sums::{Solution, Sums};
 
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::held::HeldEfforts;
-use super::passes::{Source, predicted};
+use super::passes::predicted;
 use super::replay::Replay;
 use super::sampling::ChangedParameters;
 use super::stream::LeftOut;
@@ -40,6 +36,7 @@ use crate::estimate::{
     Deviations, EffortError, Estimate, EstimateError, Origin, Residuals, SAMPLING, Weighting,
     bartlett_stretches,
 };
+use crate::states::{MotionSeries, Source};
 use regen_runtime::BaseModel;
 
 /// Options of an estimate by instrumental variables.

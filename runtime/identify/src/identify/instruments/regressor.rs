@@ -2,11 +2,11 @@
 
 use std::rc::Rc;
 
-use super::MotionSeries;
-use super::tracked::TrackedMotion;
 use crate::estimate::EstimateError;
-use crate::identify::equation_builder::StateSample;
 use crate::identify::stream::Columns;
+use crate::states::MotionSeries;
+use crate::states::StateSample;
+use crate::states::TrackedMotion;
 use regen_runtime::{BaseModel, ClosureError, Status};
 
 /// The regressor at the motion of the instruments.

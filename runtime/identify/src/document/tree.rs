@@ -5,7 +5,7 @@ use core::fmt;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_saphyr::{Location, Spanned};
 
-use crate::files::Mistake;
+use super::Mistake;
 
 /// A node of the document.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,7 +91,7 @@ impl Node {
     }
 
     /// The number of a node that is one.
-    pub(super) fn number(&self) -> Option<f64> {
+    pub(crate) fn number(&self) -> Option<f64> {
         match self.kind {
             NodeKind::Whole(value) => Some(value as f64),
             NodeKind::Number(value) => Some(value),
@@ -100,7 +100,7 @@ impl Node {
     }
 
     /// The whole number of a node that is one.
-    pub(super) fn whole(&self) -> Option<u64> {
+    pub(crate) fn whole(&self) -> Option<u64> {
         match self.kind {
             NodeKind::Whole(value) => Some(value),
             _ => None,
@@ -108,7 +108,7 @@ impl Node {
     }
 
     /// The node without places.
-    pub(super) fn to_json(&self) -> serde_json::Value {
+    pub(crate) fn to_json(&self) -> serde_json::Value {
         match &self.kind {
             NodeKind::Null => serde_json::Value::Null,
             NodeKind::Flag(value) => (*value).into(),
@@ -124,7 +124,7 @@ impl Node {
     }
 
     /// How messages call the contents.
-    pub(super) fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         match &self.kind {
             NodeKind::Null => "nothing".to_owned(),
             NodeKind::Flag(value) => format!("'{value}'"),
@@ -138,7 +138,7 @@ impl Node {
 }
 
 /// A text, cut to a length that fits into a message.
-pub(super) fn shorten(text: &str) -> String {
+pub(crate) fn shorten(text: &str) -> String {
     const MAX_CHARACTERS: usize = 40;
     match text.char_indices().nth(MAX_CHARACTERS) {
         Some((end, _)) => format!("{}...", &text[..end]),

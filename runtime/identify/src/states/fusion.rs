@@ -1,6 +1,6 @@
 //! Fuses more measured coordinates than needed to states of motion, blocks of samples at a time.
 
-use super::motion::{CompletedStates, Completeness, Completion, MAX_STEPS, STEP_TOLERANCE};
+use super::completion::{CompletedStates, Completeness, Completion, MAX_STEPS, STEP_TOLERANCE};
 use regen_batch::{TrackedStates, eval_many};
 use regen_runtime::{Arguments, ClosureError, Function, Model, Outcome, SizeError};
 

@@ -1,7 +1,7 @@
 //! Gram matrices of the equations of a sample, and least squares on them.
 
 use super::{Reading, Sample};
-use crate::identify::{Completed, Completion};
+use crate::states::{Completed, Completion};
 use regen_runtime::{BaseModel, Parameter, Status};
 
 /// The Gram matrix of each equation's columns, in this order: the columns of the base regressor;

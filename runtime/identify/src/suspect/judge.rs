@@ -141,7 +141,8 @@ impl std::fmt::Display for Suspicion {
 /// - `step`: called with the number of hypotheses tried so far and in total.
 ///
 /// ```
-/// use regen_identify::identify::suspect::{LogColumns, Measured, Remedy, Sample, suspicions};
+/// use regen_identify::suspect::{LogColumns, Remedy, suspicions};
+/// use regen_identify::data::{Measured, Sample};
 /// # use regen_runtime::{
 /// #     Arguments, BaseFunction, BaseInfo, BaseModel, Condition, Function, Info, Model, SizeError,
 /// # };

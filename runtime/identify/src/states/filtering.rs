@@ -46,7 +46,7 @@ impl Filtering {
     /// - `step`: the time between samples, s.
     ///
     /// ```
-    /// use regen_identify::identify::Filtering;
+    /// use regen_identify::states::Filtering;
     /// use regen_identify::signals::Smoothing;
     ///
     /// let smoothing = Smoothing::Butterworth { order: 4, cutoff: 10.0 };
@@ -76,7 +76,7 @@ impl Filtering {
     }
 
     /// The decimation ratio of averages.
-    pub(super) fn every(&self, averaged: usize) -> usize {
+    pub(crate) fn every(&self, averaged: usize) -> usize {
         self.decimation.div_ceil(averaged).max(1)
     }
 }

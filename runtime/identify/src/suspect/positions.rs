@@ -8,7 +8,7 @@ use super::{
     MIN_EQUATIONS_PER_PARAMETER, MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR,
     implausible_count, quality, worst,
 };
-use crate::identify::{Completed, Completion};
+use crate::states::{Completed, Completion};
 use regen_runtime::{BaseModel, Motion};
 
 /// Fits whose product of errors is within this factor of the best count as equally good.

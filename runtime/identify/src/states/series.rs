@@ -1,8 +1,9 @@
 //! The motion at which the instruments are computed.
 
 use crate::estimate::EstimateError;
-use crate::identify::{Source, require};
+use crate::estimate::require;
 use crate::signals::{Butterworth, Method, SignalError};
+use crate::states::Source;
 use regen_runtime::Model;
 
 /// The order of the filter that smooths a measured motion; it runs forward and backward.
@@ -160,7 +161,7 @@ impl MotionSeries {
     /// When the sampling is not uniform, no run is long enough, or the cutoff does not suit it.
     ///
     /// ```
-    /// use regen_identify::identify::MotionSeries;
+    /// use regen_identify::states::MotionSeries;
     ///
     /// // 1 Hz with an error of 1 mrad that changes its sign from sample to sample
     /// let mut measured = MotionSeries::new(1);

@@ -22,69 +22,9 @@ pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
 pub use trial::{Trial, short_trial, trial, weightless};
 pub use words::LogColumns;
 
+use crate::data::{Measured, STATES, Sample, Spikes};
 use grams::{Fit, Grams};
 use regen_runtime::BaseModel;
-
-/// States of a log as they were measured, before the loops are closed.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sample {
-    /// The measured coordinates, as indices into `Info::coordinates`.
-    pub measured: Vec<usize>,
-    /// The states.
-    pub states: Vec<Measured>,
-    /// The titles of all columns of the log.
-    pub titles: Vec<String>,
-    /// The title of the column of times, where it was found without being assigned.
-    pub time_column: Option<String>,
-    /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
-    /// the assignment that corrects it.
-    pub doubted_rate: Option<(String, String)>,
-    /// The titles of columns that have a new value only every so many rows.
-    pub held: Vec<(String, usize)>,
-    /// The usual step between rows of the log, s.
-    pub step: f64,
-    /// The number of states of a whole pass over the log.
-    pub whole: usize,
-    /// For each measured coordinate, the rms of the residuals of its Fourier series over the rms
-    /// about its mean; empty where no series was fitted.
-    pub series_residuals: Vec<f64>,
-    /// For each measured coordinate, the rms of the residuals of its Fourier series over the
-    /// standard deviation of its noise; empty where no series was fitted.
-    pub series_over_noise: Vec<f64>,
-    /// The efforts that jump in some rows and are back in the next ones.
-    pub spikes: Vec<Spikes>,
-    /// Whether velocities are measured.
-    pub has_rates: bool,
-    /// For each measured coordinate the one whose velocity its own is read from, by the names of the columns; empty
-    /// where these are their own.
-    pub rates_of: Vec<usize>,
-    /// The efforts that are stated as not measured: indices into `Info::actuated`.
-    pub unmeasured: Vec<usize>,
-}
-
-/// Rows in which an effort jumps and is back in the next row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spikes {
-    /// The effort: an index into `Info::actuated`.
-    pub effort: usize,
-    /// The number of these rows; at most some hundreds are counted.
-    pub rows: usize,
-    /// The largest jump, N or N m.
-    pub largest: f64,
-    /// The number of the first row, as in messages on faulty rows.
-    pub row: u64,
-}
-
-/// One state of a [`Sample`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Measured {
-    /// Time, s.
-    pub time: f64,
-    /// Positions, velocities and accelerations of the measured coordinates, rad or m.
-    pub motion: [Vec<f64>; 3],
-    /// Efforts in the order of `Info::actuated`, N or N m.
-    pub efforts: Vec<f64>,
-}
 
 /// The column that a quantity is read from, and the factor on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -277,8 +217,6 @@ pub struct Findings {
     pub shifts: Vec<Shift>,
 }
 
-/// The largest number of states used for hypotheses on efforts; more are not needed.
-pub const STATES: usize = 1000;
 /// The largest number of states used for a hypothesis on positions, unless the parameters need
 /// more.
 const MAX_POSITION_STATES: usize = 240;

@@ -150,7 +150,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
     /// Counts a state of [`complete`](Self::complete) as open if it takes more continuation steps than
     /// this, or if the measured coordinates are not fused: for columns that may be wrong, whose
     /// states would each cost a long search that fails.
-    pub(super) fn limited(mut self, steps: usize) -> Self {
+    pub(crate) fn limited(mut self, steps: usize) -> Self {
         self.max_steps = Some(steps);
         self
     }
