@@ -114,6 +114,7 @@ pub(crate) fn made_without_loads(
 /// Sets the options of reading that pin a choice; a decimation, an even grid or delays that are given stay.
 pub(crate) fn pin(choice: &Choice, reading: &mut ReadingArgs) {
     let settings = observe::settings(reading);
+    reading.has_chosen_filter = true;
     match choice.method() {
         Method::Fourier {
             frequency,

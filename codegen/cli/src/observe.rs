@@ -200,6 +200,7 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         .retain(|(name, _)| !given.iter().any(|(own, _)| own == name));
     settings.delays.extend(given);
     settings.are_delays_found = reading.has_found_delays;
+    settings.is_method_chosen = reading.has_chosen_filter;
     settings
 }
 

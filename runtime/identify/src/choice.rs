@@ -108,6 +108,7 @@ impl Choice {
     pub fn applied(&self, settings: &Settings) -> Settings {
         Settings {
             method: self.method(),
+            is_method_chosen: true,
             decimation: match settings.decimation {
                 1 => self.equation_decimation(),
                 given => given,

@@ -98,6 +98,9 @@ pub(crate) struct ReadingArgs {
     /// The content of the experiment file, which the options override.
     #[arg(skip)]
     pub(crate) experiment: Option<Box<Experiment>>,
+    /// Whether the filter was chosen from the logs.
+    #[arg(skip)]
+    pub(crate) has_chosen_filter: bool,
     /// Whether the delays were found from the logs.
     #[arg(skip)]
     pub(crate) has_found_delays: bool,

@@ -36,6 +36,8 @@ pub struct Settings {
     pub method: Method,
     /// Whether someone stated the method; otherwise a filter is chosen from the logs where one can be.
     pub is_method_given: bool,
+    /// Whether the filter was chosen from the same logs, and so compared with lower cutoffs.
+    pub is_method_chosen: bool,
     /// What is done with faulty rows.
     pub policy: Policy,
     /// What is done with doubtful rows, where it differs from `policy`.
@@ -75,6 +77,7 @@ impl Default for Settings {
             measured_rates: None,
             method: Method::Central,
             is_method_given: false,
+            is_method_chosen: false,
             policy: Policy::Fail,
             checks: Checks::default(),
             decimation: 1,

@@ -140,6 +140,7 @@ runs:
         measured_rates: Some(false),
         method: Method::Local { half_width: 0.05 },
         is_method_given: true,
+        is_method_chosen: false,
         policy: Policy::Drop,
         checks: Checks {
             outliers: Some(Policy::Tell),

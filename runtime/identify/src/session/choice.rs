@@ -103,6 +103,23 @@ pub(super) struct Trial {
 }
 
 impl Trial {
+    /// The estimate of a fit whose values are corrected for the bias by noise of the motion, which its deviations contain.
+    ///
+    /// - `cutoff`: that of its filter, Hz.
+    pub(super) fn of_corrected(found: &Identified, cutoff: f64) -> Self {
+        Self {
+            cutoff,
+            values: found.estimate.values.clone(),
+            covariance: found.deviations.within_runs().to_vec(),
+            bias: Vec::new(),
+            signal: found.factor.r().to_vec(),
+            residuals: found.estimate.efforts.iter().map(|own| own.sigma).collect(),
+            largest: 0.0,
+            is_scarce: false,
+            factor: found.factor.clone(),
+        }
+    }
+
     /// The estimate from a motion without noise.
     ///
     /// - `cutoff`: the one that it is compared with, Hz.
@@ -650,6 +667,56 @@ pub(super) fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Err
         all.push(own);
     }
     all
+}
+
+/// The parts of a given cutoff that [`moved_by_cutoff`] compares it with.
+const LOWER_PARTS: [f64; 2] = [0.3, 0.1];
+
+/// By how much the filter of a fit moves the values, SI, as lower cutoffs show: noise of the motion that differences of
+/// its positions do not show, such as that of a wandering clock, biases the more the higher the cutoff is. `None` where
+/// the values of lower cutoffs are the same within the deviations of both, or the motion passes no Butterworth filter.
+///
+/// - `given`: the fit with the filter of the logs.
+///
+/// # Errors
+/// When a log cannot be read.
+pub(super) fn moved_by_cutoff<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &Logs<'_, M>,
+    given: Trial,
+) -> Result<Option<Vec<f64>>, DataError> {
+    // trials have linear friction where it is nonlinear, and so other unknowns
+    if !logs.is_differentiated() || !nonlinear_joints(session.model).is_empty() {
+        return Ok(None);
+    }
+    let kept = logs.in_memory(MAX_ROWS)?;
+    let (levels, rate) = (kept.noise_levels(), rate_of(&kept));
+    let length: f64 = kept.durations().iter().map(|(_, length)| length).sum();
+    let mut trials = Vec::new();
+    for part in LOWER_PARTS {
+        let cutoff = part * given.cutoff;
+        if cutoff * length < MIN_PERIODS {
+            continue;
+        }
+        match trial(session, &kept, &levels, (cutoff, rate), KnownBias::None) {
+            Ok(found) => trials.push(found),
+            Err(error) if is_undetermined(&error) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    trials.sort_by(|a, b| a.cutoff.total_cmp(&b.cutoff));
+    let lower = trials.len();
+    trials.push(given);
+    let errors = all_errors(&trials, lower);
+    let is_apart = errors.last().is_some_and(|own| own.apart > 0.0);
+    let best = errors.get(..lower).map_or(0, lowest);
+    let is_counted = errors.get(best).is_some_and(|own| own.sum().is_finite());
+    let (Some(given), Some(best)) = (trials.last(), trials.get(best)) else {
+        return Ok(None);
+    };
+    let pairs = given.values.iter().zip(&best.values);
+    Ok((lower > 0 && is_apart && is_counted)
+        .then(|| pairs.map(|(own, other)| own - other).collect()))
 }
 
 /// The index of the trial with the smallest error; of those that are nearly as good the first.

@@ -3,6 +3,7 @@
 
 use regen_runtime::BaseModel;
 
+use super::choice::{Trial, moved_by_cutoff};
 use super::motion_noise::{motion_bias, size_of};
 use super::{MonitoredLogs, Session, SessionError, physical};
 use crate::data::{FileReport, Run, Settings};
@@ -16,6 +17,7 @@ use crate::identify::{
     NoColumns, StoredEquations, digest,
 };
 use crate::model::{IdentifiedModel, Intervals};
+use crate::signals::Method;
 use crate::states::nonlinear_joints;
 
 /// The result of least squares, and the data that further estimators need.
@@ -189,9 +191,22 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
             identified.deviations.in_words()
         )
     };
+    let moved = match (&motion, session.reading.method) {
+        (Some(_), Method::Butterworth { cutoff, .. }) if !session.reading.is_method_chosen => {
+            let given = Trial::of_corrected(&identified, cutoff);
+            moved_by_cutoff(session, logs.logs(), given)?
+        }
+        _ => None,
+    };
+    if let Some(change) = &moved {
+        add_change(change, &mut identified);
+    }
     let mut start = LeastSquaresStart::of_identified(identified, session.confidence, method);
     if let Some(own) = motion {
         (start.intervals.bias, start.correction) = (own.size, own.correction);
+    }
+    if let Some(change) = moved {
+        add_bias(&[change], &mut start.intervals.bias);
     }
     if is_late {
         add_bias(&late, &mut start.intervals.bias);
