@@ -50,6 +50,8 @@ enum Kind {
     Parquet(super::parquet::Contents),
     #[cfg(feature = "bags")]
     Bag(regen_bags::Table),
+    #[cfg(feature = "arrays")]
+    Arrays(regen_arrays::Table),
 }
 
 /// How the files of a run are opened.
@@ -61,6 +63,9 @@ pub(super) struct Opening<'a> {
     pub(super) topic: Option<&'a str>,
     /// The episode of files of LeRobot.
     pub(super) episode: Option<u64>,
+    /// The column of time that is stated by its name.
+    #[cfg_attr(not(feature = "arrays"), allow(dead_code))]
+    pub(super) time: Option<&'a str>,
     /// The stamp from which the times of recordings count, ns: that of the first one.
     pub(super) start: Option<i64>,
 }
@@ -81,6 +86,8 @@ pub(super) enum FileRows<'a> {
     Parquet(super::parquet::ParquetRows),
     #[cfg(feature = "bags")]
     Bag(Box<super::bags::BagRows>),
+    #[cfg(feature = "arrays")]
+    Arrays(super::arrays::ArrayRows),
 }
 
 /// First bytes of a Parquet file.
@@ -105,7 +112,7 @@ fn unended_length(path: &Path) -> Option<u64> {
     (!b"\r\n".contains(&last[0])).then_some(length)
 }
 
-#[cfg(not(all(feature = "parquet", feature = "bags")))]
+#[cfg(not(all(feature = "arrays", feature = "parquet", feature = "bags")))]
 fn unsupported(path: &Path, what: &str, feature: &str) -> DataError {
     DataError::ColumnLayout {
         file: path.display().to_string(),
@@ -119,6 +126,14 @@ fn unsupported(path: &Path, what: &str, feature: &str) -> DataError {
 fn is_bag(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
     path.is_dir() || matches!(extension, Some("mcap" | "db3"))
+}
+
+/// Whether a path is a file of arrays, by its extension.
+#[cfg(not(feature = "arrays"))]
+fn is_arrays(path: &Path) -> bool {
+    const EXTENSIONS: [&str; 7] = ["npy", "npz", "mat", "h5", "hdf5", "mf4", "tdms"];
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|own| EXTENSIONS.contains(&own))
 }
 
 impl Opening<'_> {
@@ -146,6 +161,22 @@ impl Opening<'_> {
         #[cfg(not(feature = "bags"))]
         if is_bag(path) {
             return Err(unsupported(path, "recording", "bags"));
+        }
+        #[cfg(feature = "arrays")]
+        if regen_arrays::is_arrays(path) {
+            let tables = super::arrays::tables(path, self.time)?;
+            let table = |own: regen_arrays::Table| Table {
+                path: path.to_path_buf(),
+                titles: own.titles().to_vec(),
+                named: true,
+                unended_length: None,
+                kind: Kind::Arrays(own),
+            };
+            return Ok(tables.into_iter().map(table).collect());
+        }
+        #[cfg(not(feature = "arrays"))]
+        if is_arrays(path) {
+            return Err(unsupported(path, "file of arrays", "arrays"));
         }
         Ok(vec![Table::open(path, self.format, self.episode)?])
     }
@@ -187,6 +218,61 @@ impl Table {
         })
     }
 
+    /// The index of the column that is called so in other words than its title, such as a path without
+    /// its first parts.
+    #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
+    pub(super) fn respelled(&self, name: &str) -> Option<usize> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.place(name),
+            _ => None,
+        }
+    }
+
+    /// The index of the column of time that the format states.
+    #[cfg_attr(not(feature = "arrays"), allow(clippy::unused_self))]
+    pub(super) fn time(&self) -> Option<usize> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.time(),
+            _ => None,
+        }
+    }
+
+    /// The index of the first column of a matrix with so many columns.
+    #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
+    pub(super) fn matrix(&self, names: &[&str], count: usize) -> Option<usize> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => {
+                let mut all = table.matrices().iter().filter(|own| own.count == count);
+                let is_named = |own: &&regen_arrays::Matrix| names.contains(&own.last_name());
+                all.find(is_named).map(|own| own.first)
+            }
+            _ => None,
+        }
+    }
+
+    /// What the file has and the table lacks, with the reasons.
+    #[cfg_attr(not(feature = "arrays"), allow(clippy::unused_self))]
+    pub(super) fn absent(&self) -> &[(String, String)] {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.absent(),
+            _ => &[],
+        }
+    }
+
+    /// Why the file has something of this name that is no column.
+    #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
+    pub(super) fn why_absent(&self, name: &str) -> Option<&str> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.why_absent(name),
+            _ => None,
+        }
+    }
+
     /// Whether the file is a Parquet file, which may have episodes.
     pub(super) fn is_parquet(&self) -> bool {
         !matches!(self.kind, Kind::Csv(_)) && is_parquet(&self.path)
@@ -203,6 +289,10 @@ impl Table {
             Kind::Bag(table) => Ok(FileRows::Bag(Box::new(super::bags::BagRows::open(
                 table, wanted,
             )?))),
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => Ok(FileRows::Arrays(super::arrays::ArrayRows::open(
+                table, wanted,
+            )?)),
             Kind::Csv(written) => Ok(FileRows::Csv(CsvRows::open(self, written, wanted)?)),
         }
     }
@@ -212,7 +302,7 @@ impl FileRows<'_> {
     /// Takes the memory of a row back, for the next one.
     pub(super) fn reuse(&mut self, values: Vec<f64>) {
         #[cfg_attr(
-            not(any(feature = "parquet", feature = "bags")),
+            not(any(feature = "arrays", feature = "parquet", feature = "bags")),
             allow(irrefutable_let_patterns)
         )]
         if let Self::Csv(rows) = self {
@@ -228,6 +318,8 @@ impl FileRows<'_> {
             Self::Parquet(rows) => rows.next_row(),
             #[cfg(feature = "bags")]
             Self::Bag(rows) => rows.next_row(),
+            #[cfg(feature = "arrays")]
+            Self::Arrays(rows) => Ok(rows.next_row()),
         }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::bridge::{Bridge, Bridged, Bridging};
 use super::bursts::{BurstFinder, OffRow};
-use super::columns::Assignment;
+use super::columns::{Assignment, Quantity};
 use super::dropouts::{Dropout, DropoutFinder};
 use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
@@ -173,10 +173,16 @@ impl LogFile {
                 return Err(unfit(&format!("the {what} must be above 0 Hz")));
             }
         }
+        let time = settings
+            .columns
+            .iter()
+            .find(|given| given.quantity == Quantity::Time && given.number.is_none());
+        let time = time.map(|given| given.column.as_str());
         let mut opening = Opening {
             format: settings.format,
             topic: settings.topic.as_deref().or(run.topic.as_deref()),
             episode: settings.episode.or(run.episode),
+            time: time.filter(|_| settings.rate.is_none() && !settings.poses),
             start: None,
         };
         let mut tables = Vec::with_capacity(run.files.len());
