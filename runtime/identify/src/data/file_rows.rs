@@ -55,7 +55,7 @@ enum Kind {
 }
 
 /// How the files of a run are opened.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Opening<'a> {
     pub(super) format: Format,
     /// The topic of recordings.
@@ -68,6 +68,8 @@ pub(super) struct Opening<'a> {
     pub(super) time: Option<&'a str>,
     /// The stamp from which the times of recordings count, ns: that of the first one.
     pub(super) start: Option<i64>,
+    /// The same of the dates in CSV files.
+    pub(super) dated: Option<i64>,
 }
 
 /// A row of a file.
@@ -178,23 +180,16 @@ impl Opening<'_> {
         if is_arrays(path) {
             return Err(unsupported(path, "file of arrays", "arrays"));
         }
-        Ok(vec![Table::open(path, self.format, self.episode)?])
+        Ok(vec![self.table(path)?])
     }
-}
 
-impl Table {
-    /// Finds the format of a file.
-    #[cfg_attr(not(feature = "parquet"), allow(unused_variables))]
-    pub(super) fn open(
-        path: &Path,
-        format: Format,
-        episode: Option<u64>,
-    ) -> Result<Self, DataError> {
+    /// Finds the format of a CSV or Parquet file.
+    fn table(&mut self, path: &Path) -> Result<Table, DataError> {
         if is_parquet(path) {
             #[cfg(feature = "parquet")]
             {
-                let (titles, contents) = super::parquet::contents(path, episode)?;
-                return Ok(Self {
+                let (titles, contents) = super::parquet::contents(path, self.episode)?;
+                return Ok(Table {
                     path: path.to_path_buf(),
                     titles,
                     named: true,
@@ -205,11 +200,14 @@ impl Table {
             #[cfg(not(feature = "parquet"))]
             return Err(unsupported(path, "Parquet file", "parquet"));
         }
-        let written = Written::find(path, format).map_err(|error| DataError::Io {
+        let mut written = Written::find(path, self.format).map_err(|error| DataError::Io {
             file: path.display().to_string(),
             why: error.to_string(),
         })?;
-        Ok(Self {
+        if let Some(own) = written.dated {
+            written.dated = Some(*self.dated.get_or_insert(own));
+        }
+        Ok(Table {
             path: path.to_path_buf(),
             titles: written.titles.clone(),
             named: written.has_header(),
@@ -217,14 +215,26 @@ impl Table {
             kind: Kind::Csv(written),
         })
     }
+}
 
+impl Table {
     /// The index of the column that is called so in other words than its title, such as a path without
-    /// its first parts.
-    #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
+    /// its first parts, or a field behind its topic.
+    #[cfg_attr(
+        not(any(feature = "arrays", feature = "bags")),
+        allow(unused_variables, clippy::unused_self)
+    )]
     pub(super) fn respelled(&self, name: &str) -> Option<usize> {
         match &self.kind {
             #[cfg(feature = "arrays")]
             Kind::Arrays(table) => table.place(name),
+            #[cfg(feature = "bags")]
+            Kind::Bag(table) => {
+                let topic = table.topic().trim_start_matches('/');
+                let name = name.trim_start_matches('/').strip_prefix(topic)?;
+                let name = name.strip_prefix('.')?;
+                self.titles.iter().position(|title| title == name)
+            }
             _ => None,
         }
     }

@@ -10,6 +10,7 @@ mod bridge;
 mod bursts;
 mod columns;
 mod csv_rows;
+mod dates;
 mod discretisation;
 mod dropouts;
 pub(crate) mod expression;
