@@ -280,22 +280,16 @@ impl Reader {
             0
         };
         let mut start = at;
-        // a segment has its values as often as they fit; one that was cut off has a part at its end
-        while start < end {
-            let mut offset = start;
+        // a segment has its values as often as they fit; of one that was cut off, rows that all channels
+        // have are kept, so that their lengths stay the same
+        while start < end && (interleaved || end - start >= whole) {
+            let rows = (end - start).checked_div(row).unwrap_or(u64::MAX);
+            let mut first = start;
             for (own, block) in &blocks {
                 let size = block.kind.size().unwrap_or(0);
-                let (step, first) = if interleaved {
-                    (row, offset)
-                } else {
-                    (size, offset)
-                };
-                offset = offset.saturating_add(if interleaved { size } else { block.bytes });
-                let room = end.saturating_sub(first);
-                let fitting = match step {
-                    0 => 0,
-                    step => (room + step - size.min(step)) / step,
-                };
+                let at = first;
+                first = first.saturating_add(if interleaved { size } else { block.bytes });
+                let step = if interleaved { row } else { size };
                 let channel = &mut self.channels[*own].1;
                 // values of other orders of bytes keep their own
                 let kind = match block.kind {
@@ -308,14 +302,15 @@ impl Reader {
                         Some("it has text, complex numbers or numbers of extended precision");
                     continue;
                 }
-                let count = block.count.min(fitting);
+                let inside = end.saturating_sub(at).checked_div(size).unwrap_or(0);
+                let count = block.count.min(rows).min(inside);
                 channel.count += count;
                 self.pieces += 1;
                 if self.pieces > MAX_PIECES {
                     return refused("its values are in too many pieces: save it again by LabVIEW");
                 }
                 channel.pieces.push(Piece {
-                    at: first,
+                    at,
                     count,
                     step,
                     kind,
