@@ -5,8 +5,11 @@ use std::path::PathBuf;
 
 use regen_arrays::{ArrayError, Table};
 
+/// A table: its columns by their names.
+type Columns = Vec<(String, Vec<f64>)>;
+
 /// Opens a file of these bytes, and removes it with its tables' numbers read.
-fn read(name: &str, bytes: &[u8]) -> Result<Vec<Vec<(String, Vec<f64>)>>, ArrayError> {
+fn read(name: &str, bytes: &[u8]) -> Result<Vec<Columns>, ArrayError> {
     let name = format!("regen-made-{}-{name}", std::process::id());
     let path: PathBuf = std::env::temp_dir().join(name);
     std::fs::write(&path, bytes).unwrap();
@@ -23,7 +26,7 @@ fn read(name: &str, bytes: &[u8]) -> Result<Vec<Vec<(String, Vec<f64>)>>, ArrayE
 
 /// The columns of the only table, by their names.
 #[track_caller]
-fn only(name: &str, bytes: &[u8]) -> Vec<(String, Vec<f64>)> {
+fn only(name: &str, bytes: &[u8]) -> Columns {
     let mut all = read(name, bytes).unwrap();
     assert_eq!(all.len(), 1, "{all:?}");
     all.remove(0)
@@ -100,9 +103,9 @@ impl Blocks {
     }
 
     /// Adds a block, and returns its address.
-    fn add(&mut self, kind: &[u8; 4], links: &[u64], data: &[u8]) -> u64 {
+    fn add(&mut self, kind: [u8; 4], links: &[u64], data: &[u8]) -> u64 {
         let at = self.next();
-        self.0.extend(kind);
+        self.0.extend(&kind);
         self.0.extend([0; 4]);
         self.0
             .extend((24 + 8 * links.len() as u64 + data.len() as u64).to_le_bytes());
@@ -115,7 +118,7 @@ impl Blocks {
     }
 
     fn text(&mut self, text: &str) -> u64 {
-        self.add(b"##TX", &[], format!("{text}\0").as_bytes())
+        self.add(*b"##TX", &[], format!("{text}\0").as_bytes())
     }
 
     fn conversion(&mut self, kind: u8, values: &[f64]) -> u64 {
@@ -123,7 +126,7 @@ impl Blocks {
         data.extend((values.len() as u16).to_le_bytes());
         data.extend([0; 16]);
         data.extend(values.iter().flat_map(|x| x.to_le_bytes()));
-        self.add(b"##CC", &[0; 4], &data)
+        self.add(*b"##CC", &[0; 4], &data)
     }
 
     /// A channel with its type, the type of its data, the first bit, the byte and the number of bits.
@@ -139,7 +142,7 @@ impl Blocks {
         own.extend(u32::from(byte).to_le_bytes());
         own.extend(u32::from(count).to_le_bytes());
         own.resize(72, 0);
-        self.add(b"##CN", &[next, 0, name, 0, conversion, 0, 0, 0], &own)
+        self.add(*b"##CN", &[next, 0, name, 0, conversion, 0, 0, 0], &own)
     }
 
     fn group(
@@ -157,7 +160,7 @@ impl Blocks {
         own.extend([0; 8]);
         own.extend(bytes.to_le_bytes());
         own.extend([0; 4]);
-        self.add(b"##CG", &[next, channels, name, 0, 0, 0], &own)
+        self.add(*b"##CG", &[next, channels, name, 0, 0, 0], &own)
     }
 }
 
@@ -169,10 +172,10 @@ fn mdf(fill: impl FnOnce(&mut Blocks) -> (u64, u64), number_bytes: u8) -> Vec<u8
     start.resize(64, 0);
     let mut blocks = Blocks(start);
     // the header, whose first link is that of the group of data
-    blocks.add(b"##HD", &[0; 6], &[0; 32]);
+    blocks.add(*b"##HD", &[0; 6], &[0; 32]);
     let (groups, data) = fill(&mut blocks);
     let own = blocks.add(
-        b"##DG",
+        *b"##DG",
         &[0, groups, data, 0],
         &[number_bytes, 0, 0, 0, 0, 0, 0, 0],
     );
@@ -198,10 +201,10 @@ fn records_of_several_groups_of_mdf_one_after_another() {
                 if k % 2 == 0 {
                     data.push(9);
                     data.extend(f64::from(k).to_le_bytes());
-                    data.push(40 + k as u8);
+                    data.push(40 + k.to_le_bytes()[0]);
                 }
             }
-            (fast, blocks.add(b"##DT", &[], &data))
+            (fast, blocks.add(*b"##DT", &[], &data))
         },
         1,
     );
@@ -240,7 +243,7 @@ fn bits_and_conversions_of_mdf() {
                 .into_iter()
                 .flat_map(|k| [31 << 3, 0xff, k])
                 .collect();
-            (group, blocks.add(b"##DT", &[], &data))
+            (group, blocks.add(*b"##DT", &[], &data))
         },
         0,
     );
@@ -261,7 +264,7 @@ fn blocks_without_end_and_records_that_are_missing_are_refused() {
         |blocks| {
             let t = blocks.channel(0, "t", 0, [2, 4, 0, 0, 64]);
             let group = blocks.group(0, t, "g", 0, 5, 8);
-            (group, blocks.add(b"##DT", &[], &[0; 32]))
+            (group, blocks.add(*b"##DT", &[], &[0; 32]))
         },
         0,
     );
@@ -272,7 +275,7 @@ fn blocks_without_end_and_records_that_are_missing_are_refused() {
             let t = blocks.channel(0, "t", 0, [2, 4, 0, 0, 64]);
             let group = blocks.group(0, t, "g", 0, 5, 8);
             let own = blocks.next();
-            (group, blocks.add(b"##DL", &[own, 0], &[0; 16]))
+            (group, blocks.add(*b"##DL", &[own, 0], &[0; 16]))
         },
         0,
     );
@@ -283,7 +286,7 @@ fn blocks_without_end_and_records_that_are_missing_are_refused() {
         |blocks| {
             let t = blocks.channel(0, "t", 0, [3, 0, 0, 0, 0]);
             let group = blocks.group(0, t, "g", 0, 1 << 40, 0);
-            (group, blocks.add(b"##DT", &[], &[]))
+            (group, blocks.add(*b"##DT", &[], &[]))
         },
         0,
     );
