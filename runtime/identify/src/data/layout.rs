@@ -330,26 +330,19 @@ impl<'a> Finder<'a> {
             let exact = table.titles.iter().position(|title| title == name);
             exact.or_else(|| table.respelled(name))
         };
-        match self.given(&Quantity::Time) {
-            Some(given) => {
-                let index = match given.number {
-                    Some(number) => place_of(number, table.titles.len()),
-                    None => place(&given.column).or_else(|| by_number(given, table.titles.len())),
-                };
-                index.map(|index| Channel {
-                    index: Some(index),
-                    factor: given.factor,
-                    offset: given.offset,
-                })
-            }
-            None => {
-                let stated = table
-                    .time()
-                    .or_else(|| place("t"))
-                    .or_else(|| place("time"));
-                stated.map(Channel::plain)
-            }
-        }
+        let Some(given) = self.given(&Quantity::Time) else {
+            let stated = table.time().or_else(|| place("t"));
+            return stated.or_else(|| place("time")).map(Channel::plain);
+        };
+        let index = match given.number {
+            Some(number) => place_of(number, table.titles.len()),
+            None => place(&given.column).or_else(|| by_number(given, table.titles.len())),
+        };
+        index.map(|index| Channel {
+            index: Some(index),
+            factor: given.factor,
+            offset: given.offset,
+        })
     }
 
     /// The column of time of the run, and those of all files if they are joined by time.
