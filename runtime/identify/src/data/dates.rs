@@ -43,6 +43,9 @@ pub(super) fn nanoseconds(text: &[u8]) -> Option<i64> {
                 .iter()
                 .take_while(|byte| byte.is_ascii_digit())
                 .count();
+            if count == 0 {
+                return None;
+            }
             let (own, more) = digits(decimals, count.min(9))?;
             part = own * 10_i64.pow(9 - count.min(9) as u32);
             rest = more.get(count - count.min(9)..)?;
