@@ -20,6 +20,7 @@ mod import;
 mod inspect;
 mod intervals;
 mod json;
+mod laboratories;
 mod mistakes;
 mod new;
 mod offsets;

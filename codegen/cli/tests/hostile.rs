@@ -340,6 +340,15 @@ fn logs_made_to_break_the_reader_are_answered() {
             "billions of truths",
             fs::read(root().join("tests/tools/fuzz/kept/parquet/billions_of_truths")).unwrap(),
         ),
+        (
+            "8 TB of HDF5 that were never written",
+            fs::read(root().join("tests/tools/fuzz/kept/arrays/hdf5_claims")).unwrap(),
+        ),
+        (
+            "a NPY file of 2^62 numbers",
+            b"\x93NUMPY\x01\x00\x49\x00{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904,)}"
+                .to_vec(),
+        ),
     ];
     for (name, text) in cases {
         fs::write(dir.join("log.csv"), text).unwrap();

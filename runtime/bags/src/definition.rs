@@ -74,6 +74,11 @@ impl Message {
         found.map(|(_, value)| value)
     }
 
+    /// The fields with their values.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&str, &Value)> {
+        self.0.iter().map(|(name, value)| (name.as_str(), value))
+    }
+
     pub(crate) fn message(&self, name: &str) -> Option<&Message> {
         match self.get(name) {
             Some(Value::Message(message)) => Some(message),

@@ -1,6 +1,6 @@
 //! Assigns the numbers of a message to joints.
 
-use crate::definition::Message;
+use crate::definition::{Message, Value};
 use crate::known::{Arrangement, Decoder};
 
 /// The joint and quantity that each number of a message belongs to.
@@ -39,6 +39,9 @@ const POINTS: [(&str, &str, &str); 3] = [
     ("output", "output", "out_"),
 ];
 
+/// The largest number of numbers of a message of any type.
+const MAX_NUMBERS: usize = 2000;
+
 /// The prefix of the columns of a `ros2_control` interface.
 pub(crate) fn interface_prefix(name: &str) -> String {
     match name {
@@ -56,6 +59,9 @@ impl Sample {
         let message = decoder.decode(data)?;
         let lacks = |name: &str| format!("it has no field `{name}` of the expected type");
         let stamp = message.message("header").and_then(|h| h.message("stamp"));
+        if decoder.arrangement == Arrangement::Fields && stamp.is_none() {
+            return Self::of_fields(&message);
+        }
         let stamp = stamp.ok_or_else(|| lacks("header"))?;
         // whole numbers of 32 bits in ROS; the type that a recording describes may be another one
         let part = |name: &str| {
@@ -71,10 +77,17 @@ impl Sample {
             stamp: seconds * 1_000_000_000 + rest,
             ..Self::default()
         };
+        if decoder.arrangement == Arrangement::Fields {
+            return Ok(Self {
+                stamp: out.stamp,
+                ..Self::of_fields(&message)?
+            });
+        }
         let names = match decoder.arrangement {
             Arrangement::State => "name",
             Arrangement::Controller => "joint_names",
             Arrangement::Interfaces(field) => field,
+            Arrangement::Fields => "",
         };
         let joints = message.texts(names).ok_or_else(|| lacks(names))?;
         out.shape.joints = joints.to_vec();
@@ -103,8 +116,57 @@ impl Sample {
                 }
             }
             Arrangement::Interfaces(_) => out.interfaces(&message)?,
+            Arrangement::Fields => {}
         }
         Ok(out)
+    }
+
+    /// All numbers of a message of any type, as those of one joint without a name.
+    fn of_fields(message: &Message) -> Result<Self, String> {
+        let mut out = Self::default();
+        out.shape.joints.push(String::new());
+        out.fields("", message)?;
+        Ok(out)
+    }
+
+    /// Adds the numbers in the fields of a message, by their paths.
+    fn fields(&mut self, path: &str, message: &Message) -> Result<(), String> {
+        for (name, value) in message.iter() {
+            let own = match path {
+                // the stamp is the time
+                "" if name == "header" => continue,
+                "" => name.to_owned(),
+                path => format!("{path}.{name}"),
+            };
+            match value {
+                Value::Number(number) => self.one(own, *number)?,
+                Value::Numbers(all) => {
+                    for (k, number) in all.iter().enumerate() {
+                        self.one(format!("{own}[{k}]"), *number)?;
+                    }
+                }
+                Value::Message(inner) => self.fields(&own, inner)?,
+                Value::Messages(all) => {
+                    for (k, inner) in all.iter().enumerate() {
+                        self.fields(&format!("{own}[{k}]"), inner)?;
+                    }
+                }
+                Value::Text(_) | Value::Texts(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a number of a field.
+    fn one(&mut self, path: String, number: f64) -> Result<(), String> {
+        if self.values.len() == MAX_NUMBERS {
+            return Err(format!(
+                "it has more than {MAX_NUMBERS} numbers, which is no state of a robot"
+            ));
+        }
+        self.shape.entries.push((path, 0));
+        self.values.push(number);
+        Ok(())
     }
 
     /// Adds a list with one number for each joint; an empty list adds nothing.

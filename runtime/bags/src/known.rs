@@ -20,6 +20,8 @@ pub(crate) enum Arrangement {
     Controller,
     /// For each joint a list of named interfaces; with the field that names the joints.
     Interfaces(&'static str),
+    /// Any fields, by their paths.
+    Fields,
 }
 
 impl Arrangement {
@@ -147,12 +149,27 @@ impl Decoder {
             (None, Arrangement::Controller) => &CONTROLLER_STATE,
             (None, Arrangement::Interfaces("joint_names")) => &[DYNAMIC_JOINT_STATE],
             (None, Arrangement::Interfaces(_)) => &[DYNAMIC_INTERFACE_GROUPS],
+            (None, Arrangement::Fields) => return None,
         };
         let all = texts.iter().map(|text| Definition::read(type_name, text));
         Some(all.collect::<Result<_, _>>().map(|definitions| Self {
             arrangement,
             definitions,
         }))
+    }
+
+    /// The decoder of a type of which all fields are columns.
+    pub(crate) fn of_fields(type_name: &str, stored: Option<&str>) -> Result<Self, String> {
+        let text = stored.ok_or_else(|| {
+            format!(
+                "the recording does not define its type {type_name} (in `ros2msg`); newer versions of rosbag2 \
+                 and MCAP files do"
+            )
+        })?;
+        Ok(Self {
+            arrangement: Arrangement::Fields,
+            definitions: vec![Definition::read(type_name, text)?],
+        })
     }
 
     pub(crate) fn decode(&self, data: &[u8]) -> Result<Message, String> {

@@ -15,6 +15,10 @@
 //! | `out_NAME`, `out_tau_NAME`, .. | what a controller puts out |
 //! | `temperature_NAME`, .. | any other interface of `DynamicJointState` by its name |
 //!
+//! Of a named topic of any other type, whose definition the recording has, the columns are the paths
+//! of all fields that are numbers, such as `motor_state[3].q`; without stamps `t` is when messages were
+//! received.
+//!
 //! Numbers are those of the messages, in SI by their definition. A column whose array is empty in
 //! all messages does not exist. Joints may come in any order. Joints that several publishers send
 //! in separate messages are in a [`Table`] for each publisher; where the messages overlap, rows

@@ -57,7 +57,10 @@ impl fmt::Display for Topic {
 /// # Ok::<(), regen_bags::BagError>(())
 /// ```
 pub fn topics(path: &Path) -> Result<Vec<Topic>, BagError> {
-    Ok(scan(path)?.into_iter().map(|survey| survey.topic).collect())
+    Ok(scan(path, None)?
+        .into_iter()
+        .map(|survey| survey.topic)
+        .collect())
 }
 
 /// The joint states of one topic of a recording, as tables.
@@ -84,14 +87,15 @@ impl Log {
     /// messages are found here.
     ///
     /// - `topic`: the name of the topic; without one the only topic of a known type that has
-    ///   messages.
+    ///   messages. Of a named topic of another type the columns are the paths of the fields that
+    ///   are numbers, such as `motor_state[3].q`, if the recording defines the type.
     ///
     /// # Errors
     /// When a file cannot be read, is none of a recording, is broken or cut off; when the topic is
     /// missing, not of a known type, without messages or not determined; when a message cannot be
     /// decoded or contradicts itself.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
-        let mut surveys = scan(path)?;
+        let mut surveys = scan(path, topic)?;
         let own = choose(path, &surveys, topic)?;
         let own = surveys.swap_remove(own);
         if let Some(error) = own.error {
@@ -164,7 +168,8 @@ fn choose(path: &Path, surveys: &[TopicSurvey], topic: Option<&str>) -> Result<u
             [own] => Ok(own),
             [] if surveys.is_empty() => Err(refused("it has no topic".to_owned())),
             [] => Err(refused(format!(
-                "no topic has messages of a type with joint states ({}); there are",
+                "no topic has messages of a type with joint states ({}); name one of the others, whose columns \
+                 are then the paths of its fields; there are",
                 known()
             ))),
             _ => Err(refused(
@@ -180,17 +185,12 @@ fn choose(path: &Path, surveys: &[TopicSurvey], topic: Option<&str>) -> Result<u
         }
         [first, ..] => first,
     };
-    let own = named.into_iter().find(|k| usable(&surveys[*k]));
+    let own = named.into_iter().find(|k| surveys[*k].topic.messages > 0);
     own.ok_or_else(|| {
         let topic = &surveys[first].topic;
-        refused(if topic.is_known() {
-            format!("the topic {} has no message; there are", topic.name)
-        } else {
-            format!(
-                "{} has no joint states by name ({}); there are",
-                topic.name,
-                known()
-            )
-        })
+        refused(format!(
+            "the topic {} has no message; there are",
+            topic.name
+        ))
     })
 }

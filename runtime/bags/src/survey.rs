@@ -73,9 +73,11 @@ fn place(all: &mut Vec<TopicSurvey>, channel: &Channel) -> usize {
 }
 
 /// Reads a whole recording; the topics are in the order of their first messages.
-pub(crate) fn scan(path: &Path) -> Result<Vec<TopicSurvey>, BagError> {
+///
+/// - `any`: the topic whose messages are read whatever their type is.
+pub(crate) fn scan(path: &Path, any: Option<&str>) -> Result<Vec<TopicSurvey>, BagError> {
     let mut all: Vec<TopicSurvey> = Vec::new();
-    let mut messages = Messages::open(path, None)?;
+    let mut messages = Messages::open(path, None, any)?;
     loop {
         let mut begun = |channel: &Channel, count: u64| {
             let k = place(&mut all, channel);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::BagError;
 use crate::joints::{Sample, Shape};
+use crate::known::Arrangement;
 use crate::storage::Messages;
 use crate::survey::TopicSurvey;
 
@@ -68,11 +69,16 @@ pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, Bag
         }
         groups.push(own);
     }
+    let is_known = Arrangement::of(&found.topic.type_name).is_some();
     if groups.is_empty() {
         return Err(BagError::Joints {
             file: path.to_path_buf(),
             topic: found.topic.name.clone(),
-            why: "its messages have no numbers: all lists of joints are empty".to_owned(),
+            why: if is_known {
+                "its messages have no numbers: all lists of joints are empty".to_owned()
+            } else {
+                "its messages have no joint states by name and no field that is a number".to_owned()
+            },
         });
     }
     let table = |group: Vec<&(Shape, u64)>| {
@@ -108,6 +114,8 @@ pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, Bag
         }
         let titles = columns.iter().map(|column| match column {
             Column::Stamp => "t".to_owned(),
+            // messages of any type without stamps are those of recordings that need none
+            Column::Received if !found.stamped && !is_known => "t".to_owned(),
             Column::Received => "t_received".to_owned(),
             Column::Of(prefix, joint) => format!("{prefix}{joint}"),
         });
@@ -138,6 +146,11 @@ pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, Bag
 }
 
 impl Table {
+    /// The topic.
+    pub fn topic(&self) -> &str {
+        &self.topic
+    }
+
     /// The titles of the columns.
     pub fn titles(&self) -> &[String] {
         &self.titles
@@ -165,7 +178,7 @@ impl Table {
             }
         }
         Ok(Rows {
-            messages: Messages::open(&self.path, Some(&self.topic))?,
+            messages: Messages::open(&self.path, Some(&self.topic), Some(&self.topic))?,
             table: self.clone(),
             wanted,
             joints,

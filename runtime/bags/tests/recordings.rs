@@ -150,7 +150,45 @@ fn one_of_several_topics_must_be_named() {
         found.unwrap_err().to_string()
     };
     assert!(refused("/joints").contains("no topic `/joints`; there are\n  /joint_states"));
-    assert!(refused("/chatter").contains("no joint states by name"));
+    assert!(refused("/chatter").contains("no joint states by name and no field that is a number"));
+}
+
+#[test]
+fn a_named_topic_of_any_type_has_the_paths_of_its_fields_as_columns() {
+    // without stamps, times are those of receipt
+    let log = open("fields.mcap", Some("lowstate"));
+    let table = &log.tables()[0];
+    let titles = table.titles();
+    assert_eq!(titles[..3], ["t", "motor_state[0].q", "motor_state[0].dq"]);
+    assert_eq!(titles[10..], ["battery[0]", "battery[1]"]);
+    let found = rows(
+        table,
+        &[
+            "motor_state[2].q",
+            "motor_state[1].dq",
+            "motor_state[0].mode",
+            "t",
+            "battery[1]",
+        ],
+    );
+    assert_eq!(found.len(), 12);
+    for (k, (number, values)) in (0..).zip(found) {
+        let expected = vec![
+            position(k, 2),
+            velocity(k, 1),
+            Some(-1.0),
+            time(k),
+            Some(0.5),
+        ];
+        assert_eq!((number, values), (k + 1, expected));
+    }
+    let log = open("fields.mcap", Some("/wrench"));
+    let table = &log.tables()[0];
+    assert_eq!(table.titles(), ["t", "t_received", "force"]);
+    let found = rows(table, &["t", "force"]);
+    assert_eq!(found[7], (8, vec![time(7), effort(7, 0)]));
+    // without a name, the topic with joint states is read
+    assert_eq!(open("fields.mcap", None).topic().name, "/joint_states");
 }
 
 #[test]

@@ -18,6 +18,7 @@
 //!
 //! # Features
 //!
+//! - `arrays`: reads logs from NPY, NPZ, MAT, HDF5, MDF 4 and TDMS files too.
 //! - `parquet`: reads logs from Parquet files too, of every usual compression.
 //! - `lapack-system`: the conic solver calls the dense routines of a BLAS and LAPACK that the
 //!   program links.

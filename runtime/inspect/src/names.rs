@@ -232,6 +232,22 @@ enum Stated {
     Unused,
 }
 
+/// Writes the index of a matrix's column, from 0, as a number from 1: `q[:,2]` is `q_3`, as joints count.
+fn with_numbers(name: &str) -> String {
+    let indexed = || {
+        let (before, inside) = name.strip_suffix(']')?.rsplit_once('[')?;
+        let indices: Vec<&str> = inside.split(',').filter(|own| *own != ":").collect();
+        let numbers: Option<Vec<u64>> = indices
+            .iter()
+            .map(|own| own.parse::<u64>().ok()?.checked_add(1))
+            .collect();
+        let numbers: Vec<String> = numbers?.iter().map(u64::to_string).collect();
+        let is_column = inside.contains(':') && !numbers.is_empty();
+        is_column.then(|| format!("{before}_{}", numbers.join("_")))
+    };
+    indexed().unwrap_or_else(|| name.to_owned())
+}
+
 /// Splits a unit in brackets from a name: `pos_2 [deg]` is `pos_2 ` in deg.
 fn unbracketed(name: &str) -> (String, Stated) {
     for (open, close) in [('[', ']'), ('(', ')')] {
@@ -273,7 +289,7 @@ fn words(name: &str) -> Vec<String> {
 
 /// Parses the name of a column; the result for an empty name is [`Role::Other`].
 pub(crate) fn meaning(name: &str) -> Meaning {
-    let (plain, stated) = unbracketed(name);
+    let (plain, stated) = unbracketed(&with_numbers(name));
     let mut words = words(&plain);
     let mut out = Meaning {
         unit: match stated {
@@ -376,6 +392,11 @@ mod tests {
             (
                 "/joint_states/elbow/position",
                 (Role::Position, false, None, joint("elbow")),
+            ),
+            ("q[:,0]", (Role::Position, false, None, joint("q_1"))),
+            (
+                "data.tau[2,:]",
+                (Role::Effort, false, None, joint("data_3")),
             ),
             ("17", (Role::Other, false, None, joint("17"))),
         ] {

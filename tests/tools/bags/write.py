@@ -141,6 +141,36 @@ def mcap(name, compression, rows, chunk=1024):
         writer.finish()
 
 
+LOW_STATE = f"""MotorState[3] motor_state
+float32[2] battery
+string note
+{RULE}
+MSG: demo_msgs/MotorState
+float64 q
+float32 dq
+int8 mode
+"""
+
+
+def low_state(k):
+    """Messages of a type of their own, without stamps."""
+    motors = [{"q": position(k, j), "dq": velocity(k, j), "mode": j - 1} for j in range(3)]
+    return {"motor_state": motors, "battery": [40.0, 0.5], "note": "x"}
+
+
+def fields():
+    other = [("/joint_states", "sensor_msgs/msg/JointState", STATE + HEADER, state(0, range(3)), 0)]
+    stamped = "std_msgs/Header header\nfloat64 force\n" + HEADER
+    return (
+        other
+        + [("/lowstate", "demo_msgs/msg/LowState", LOW_STATE, low_state(k), k) for k in range(12)]
+        + [
+            ("/wrench", "demo_msgs/msg/Wrench", stamped, {"header": header(k), "force": effort(k, 0)}, k)
+            for k in range(8)
+        ]
+    )
+
+
 def states(topic="/joint_states", count=20, **options):
     return [
         (topic, "sensor_msgs/msg/JointState", STATE + HEADER, state(k, range(3), **options), k)
@@ -411,6 +441,7 @@ if __name__ == "__main__":
     OUT.mkdir(exist_ok=True)
     mcap("states.mcap", CompressionType.ZSTD, states(with_effort=False))
     mcap("several.mcap", CompressionType.LZ4, several())
+    mcap("fields.mcap", CompressionType.ZSTD, fields(), chunk=1 << 20)
     mcap("publishers.mcap", CompressionType.NONE, publishers())
     mcap("changing.mcap", CompressionType.ZSTD, changing(), chunk=1 << 20)
     mcap("faulty.mcap", CompressionType.ZSTD, faulty(), chunk=1 << 20)

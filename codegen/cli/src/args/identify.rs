@@ -26,7 +26,8 @@ Example:
 pub(crate) struct ObserveArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Logs: CSV or Parquet files, MCAP files, ROS 2 bags; or an experiment file, YAML
+    /// Logs: CSV, Parquet, MAT, HDF5, NPY, NPZ, MDF 4, TDMS, MCAP files or ROS 2 bags; or an
+    /// experiment file, YAML
     #[arg(required = true, value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// Where the factors are written
@@ -116,7 +117,8 @@ eps_RA of each model on each log (Mata et al., 2008, Eq. 33 and Table 4).")]
 pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Logs: CSV or Parquet files, MCAP files, ROS 2 bags; or an experiment file, YAML
+    /// Logs: CSV, Parquet, MAT, HDF5, NPY, NPZ, MDF 4, TDMS, MCAP files or ROS 2 bags; or an
+    /// experiment file, YAML
     #[arg(required_unless_present = "from", value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// Merge factor files instead of reading logs

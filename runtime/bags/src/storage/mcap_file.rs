@@ -27,6 +27,8 @@ pub(super) struct McapMessages {
     next_record: u64,
     schemas: BTreeMap<u16, (String, String, String)>,
     channels: BTreeMap<u16, Channel>,
+    /// The topic whose messages are read whatever their type is.
+    any: Option<String>,
     /// The records of the present chunk, or a record outside of chunks, and the next one in them.
     records: Vec<u8>,
     at: usize,
@@ -46,7 +48,7 @@ struct Present {
 }
 
 impl McapMessages {
-    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
+    pub(super) fn open(path: &Path, any: Option<&str>) -> Result<Self, BagError> {
         let io = |source| BagError::Io {
             file: path.to_path_buf(),
             source,
@@ -66,6 +68,7 @@ impl McapMessages {
             next_record: mcap::MAGIC.len() as u64,
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
+            any: any.map(str::to_owned),
             records: Vec::new(),
             at: 0,
             begins: 0,
@@ -211,6 +214,7 @@ impl McapMessages {
                         type_name,
                         &channel.message_encoding,
                         definition,
+                        self.any.as_deref(),
                     );
                     self.channels.insert(channel.id, own);
                 }

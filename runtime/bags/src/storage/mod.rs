@@ -22,11 +22,27 @@ pub(crate) struct Channel {
     pub(crate) decoder: Option<Result<Decoder, String>>,
 }
 
+/// Whether two names are those of the same topic.
+pub(crate) fn same_name(one: &str, other: &str) -> bool {
+    one.trim_start_matches('/') == other.trim_start_matches('/')
+}
+
 impl Channel {
-    /// - `definition`: the encoding and the text of the type's definition, if the recording has one.
-    fn new(topic: &str, type_name: &str, encoding: &str, definition: Option<(&str, &str)>) -> Self {
+    /// - `definition`: the encoding and the text of the type's definition, if the recording has one;
+    /// - `any`: the topic whose messages are read whatever their type is.
+    fn new(
+        topic: &str,
+        type_name: &str,
+        encoding: &str,
+        definition: Option<(&str, &str)>,
+        any: Option<&str>,
+    ) -> Self {
         let stored = definition.filter(|(kind, text)| *kind == "ros2msg" && !text.is_empty());
-        let mut decoder = Decoder::new(type_name, stored.map(|(_, text)| text));
+        let stored = stored.map(|(_, text)| text);
+        let mut decoder = Decoder::new(type_name, stored);
+        if decoder.is_none() && any.is_some_and(|any| same_name(any, topic)) {
+            decoder = Some(Decoder::of_fields(type_name, stored));
+        }
         if decoder.is_some() && encoding != "cdr" {
             decoder = Some(Err(format!(
                 "its messages are encoded as `{encoding}`, and only CDR is read"
@@ -41,7 +57,7 @@ impl Channel {
 
     /// Whether the topic has this name; a leading slash makes no difference.
     pub(crate) fn is(&self, topic: &str) -> bool {
-        self.topic.trim_start_matches('/') == topic.trim_start_matches('/')
+        same_name(&self.topic, topic)
     }
 
     /// Whether the channel has this topic and type.
@@ -96,6 +112,8 @@ pub(crate) struct Messages {
     parts: std::vec::IntoIter<Part>,
     /// The topic that is read; `None` reads all topics with known types.
     topic: Option<String>,
+    /// The topic whose messages are read whatever their type is.
+    any: Option<String>,
     current: Option<Storage>,
     /// The current file.
     pub(crate) file: PathBuf,
@@ -104,11 +122,17 @@ pub(crate) struct Messages {
 impl Messages {
     /// Opens a recording, before its first message.
     ///
-    /// - `topic`: the topic whose messages are wanted; [`Self::next`] may return others too.
-    pub(crate) fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
+    /// - `topic`: the topic whose messages are wanted; [`Self::next`] may return others too;
+    /// - `any`: the topic whose messages are read whatever their type is.
+    pub(crate) fn open(
+        path: &Path,
+        topic: Option<&str>,
+        any: Option<&str>,
+    ) -> Result<Self, BagError> {
         Ok(Self {
             parts: folder::parts(path)?.into_iter(),
             topic: topic.map(str::to_owned),
+            any: any.map(str::to_owned),
             current: None,
             file: path.to_path_buf(),
         })
@@ -136,9 +160,16 @@ impl Messages {
             };
             self.file.clone_from(&part.path);
             self.current = Some(match part.kind {
-                Kind::Mcap => Storage::Mcap(Box::new(McapMessages::open(&part.path)?)),
+                Kind::Mcap => Storage::Mcap(Box::new(McapMessages::open(
+                    &part.path,
+                    self.any.as_deref(),
+                )?)),
                 Kind::Sqlite => {
-                    let messages = SqliteMessages::open(&part.path, self.topic.as_deref())?;
+                    let messages = SqliteMessages::open(
+                        &part.path,
+                        self.topic.as_deref(),
+                        self.any.as_deref(),
+                    )?;
                     for (channel, count) in messages.topics() {
                         begun(channel, count);
                     }

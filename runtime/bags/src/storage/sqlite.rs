@@ -111,8 +111,13 @@ fn bound_steps(database: &mut Connection, length: u64) -> rusqlite::Result<()> {
 impl SqliteMessages {
     /// Opens a database.
     ///
-    /// - `topic`: the topic that is read; `None` for all topics of known types.
-    pub(super) fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
+    /// - `topic`: the topic that is read; `None` for all topics of known types;
+    /// - `any`: the topic whose messages are read whatever their type is.
+    pub(super) fn open(
+        path: &Path,
+        topic: Option<&str>,
+        any: Option<&str>,
+    ) -> Result<Self, BagError> {
         let (stated, length) = lengths(path).map_err(|source| BagError::Io {
             file: path.to_path_buf(),
             source,
@@ -148,7 +153,7 @@ impl SqliteMessages {
             .map(|(id, name, kind, encoding)| {
                 let definition = definitions.get(&kind);
                 let definition = definition.map(|(way, text)| (way.as_str(), text.as_str()));
-                let channel = Channel::new(&name, &kind, &encoding, definition);
+                let channel = Channel::new(&name, &kind, &encoding, definition, any);
                 (id, (channel, counts.get(&id).copied().unwrap_or_default()))
             })
             .collect();

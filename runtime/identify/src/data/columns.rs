@@ -91,6 +91,8 @@ pub enum ValuesFrom {
 /// assert!("q2".parse::<Assignment>().is_err());
 /// let shifted: Assignment = "q2=leg 1:mm*-1:offset:20:mm".parse()?;
 /// assert_eq!((shifted.column.as_str(), shifted.factor, shifted.offset), ("leg 1", -1e-3, 0.02));
+/// let indexed: Assignment = "q2=data.q[:,1]:deg*-1".parse()?;
+/// assert_eq!((indexed.column.as_str(), indexed.unit, indexed.gain), ("data.q[:,1]", Some("deg"), Some(-1.0)));
 /// let held: Assignment = "q3=constant:90:deg".parse()?;
 /// assert_eq!((held.from, held.offset), (ValuesFrom::Constant, core::f64::consts::FRAC_PI_2));
 /// let unknown: Assignment = "tau_q3=unmeasured".parse()?;
@@ -243,6 +245,8 @@ impl FromStr for Assignment {
             Some((rest, offset)) => (rest, Some(offset)),
             None => (rest, None),
         };
+        // the indices of a matrix's column, such as `q[:,2]`, are no unit
+        let (name, rest) = rest.split_at(rest.rfind(']').map_or(0, |end| end + 1));
         // all text after a unit and `*` is the factor, which may be a product itself
         let (rest, factor) = match rest.rsplit_once(':') {
             Some((column, behind)) if behind.contains('*') => {
@@ -294,7 +298,7 @@ impl FromStr for Assignment {
             offset: offset.transpose()?.unwrap_or(0.0),
             unit: unit.map(|u| u.0),
             gain: factor,
-            ..Self::new(quantity, column.trim())
+            ..Self::new(quantity, format!("{name}{column}").trim())
         })
     }
 }

@@ -341,6 +341,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::data::file_rows::Opening;
     use crate::data::table::Format;
 
     /// All rows of a text, divided here as far as it can be, and divided by the library.
@@ -349,7 +350,7 @@ mod tests {
         let name = format!("regen-rows-{}-{thread:?}", std::process::id());
         let path = std::env::temp_dir().join(name);
         std::fs::write(&path, text).unwrap();
-        let table = Table::open(&path, Format::default(), None).unwrap();
+        let table = Opening::default().tables(&path).unwrap().remove(0);
         let written = Written::find(&path, Format::default()).unwrap();
         let wanted = |column| Wanted {
             column,
@@ -391,7 +392,7 @@ mod tests {
             std::thread::current().id()
         ));
         std::fs::write(&path, text).unwrap();
-        let table = Table::open(&path, Format::default(), None).unwrap();
+        let table = Opening::default().tables(&path).unwrap().remove(0);
         let count = table.titles.len();
         let wanted = (0..count).map(|column| Wanted {
             column,
@@ -426,6 +427,18 @@ mod tests {
                 "{text}"
             );
             assert_eq!(rows[0].0, first, "{text}");
+        }
+    }
+
+    #[test]
+    fn dates_with_times_of_the_day_are_seconds_from_the_first_one() {
+        for text in [
+            "stamp,q\n2026-12-31T23:59:59.875Z,1\n2027-01-01T00:00:00.125Z,2\n",
+            "2026-12-31 23:59:59.875,1\n2027-01-01 00:00:00.125,2\n",
+            "stamp;q\n\"2027-01-01T00:59:59,875+01:00\";1\n2027-01-01T01:00:00,125+0100;2\n",
+        ] {
+            let rows: Vec<_> = read(text).into_iter().map(|row| row.1).collect();
+            assert_eq!(rows, [[0.0, 1.0], [0.25, 2.0]], "{text}");
         }
     }
 

@@ -50,10 +50,12 @@ enum Kind {
     Parquet(super::parquet::Contents),
     #[cfg(feature = "bags")]
     Bag(regen_bags::Table),
+    #[cfg(feature = "arrays")]
+    Arrays(regen_arrays::Table),
 }
 
 /// How the files of a run are opened.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Opening<'a> {
     pub(super) format: Format,
     /// The topic of recordings.
@@ -61,8 +63,13 @@ pub(super) struct Opening<'a> {
     pub(super) topic: Option<&'a str>,
     /// The episode of files of LeRobot.
     pub(super) episode: Option<u64>,
+    /// The column of time that is stated by its name.
+    #[cfg_attr(not(feature = "arrays"), allow(dead_code))]
+    pub(super) time: Option<&'a str>,
     /// The stamp from which the times of recordings count, ns: that of the first one.
     pub(super) start: Option<i64>,
+    /// The same of the dates in CSV files.
+    pub(super) dated: Option<i64>,
 }
 
 /// A row of a file.
@@ -81,6 +88,8 @@ pub(super) enum FileRows<'a> {
     Parquet(super::parquet::ParquetRows),
     #[cfg(feature = "bags")]
     Bag(Box<super::bags::BagRows>),
+    #[cfg(feature = "arrays")]
+    Arrays(super::arrays::ArrayRows),
 }
 
 /// First bytes of a Parquet file.
@@ -105,7 +114,7 @@ fn unended_length(path: &Path) -> Option<u64> {
     (!b"\r\n".contains(&last[0])).then_some(length)
 }
 
-#[cfg(not(all(feature = "parquet", feature = "bags")))]
+#[cfg(not(all(feature = "arrays", feature = "parquet", feature = "bags")))]
 fn unsupported(path: &Path, what: &str, feature: &str) -> DataError {
     DataError::ColumnLayout {
         file: path.display().to_string(),
@@ -119,6 +128,14 @@ fn unsupported(path: &Path, what: &str, feature: &str) -> DataError {
 fn is_bag(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
     path.is_dir() || matches!(extension, Some("mcap" | "db3"))
+}
+
+/// Whether a path is a file of arrays, by its extension.
+#[cfg(not(feature = "arrays"))]
+fn is_arrays(path: &Path) -> bool {
+    const EXTENSIONS: [&str; 7] = ["npy", "npz", "mat", "h5", "hdf5", "mf4", "tdms"];
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|own| EXTENSIONS.contains(&own))
 }
 
 impl Opening<'_> {
@@ -147,23 +164,32 @@ impl Opening<'_> {
         if is_bag(path) {
             return Err(unsupported(path, "recording", "bags"));
         }
-        Ok(vec![Table::open(path, self.format, self.episode)?])
+        #[cfg(feature = "arrays")]
+        if regen_arrays::is_arrays(path) {
+            let tables = super::arrays::tables(path, self.time)?;
+            let table = |own: regen_arrays::Table| Table {
+                path: path.to_path_buf(),
+                titles: own.titles().to_vec(),
+                named: true,
+                unended_length: None,
+                kind: Kind::Arrays(own),
+            };
+            return Ok(tables.into_iter().map(table).collect());
+        }
+        #[cfg(not(feature = "arrays"))]
+        if is_arrays(path) {
+            return Err(unsupported(path, "file of arrays", "arrays"));
+        }
+        Ok(vec![self.table(path)?])
     }
-}
 
-impl Table {
-    /// Finds the format of a file.
-    #[cfg_attr(not(feature = "parquet"), allow(unused_variables))]
-    pub(super) fn open(
-        path: &Path,
-        format: Format,
-        episode: Option<u64>,
-    ) -> Result<Self, DataError> {
+    /// Finds the format of a CSV or Parquet file.
+    fn table(&mut self, path: &Path) -> Result<Table, DataError> {
         if is_parquet(path) {
             #[cfg(feature = "parquet")]
             {
-                let (titles, contents) = super::parquet::contents(path, episode)?;
-                return Ok(Self {
+                let (titles, contents) = super::parquet::contents(path, self.episode)?;
+                return Ok(Table {
                     path: path.to_path_buf(),
                     titles,
                     named: true,
@@ -174,17 +200,87 @@ impl Table {
             #[cfg(not(feature = "parquet"))]
             return Err(unsupported(path, "Parquet file", "parquet"));
         }
-        let written = Written::find(path, format).map_err(|error| DataError::Io {
+        let mut written = Written::find(path, self.format).map_err(|error| DataError::Io {
             file: path.display().to_string(),
             why: error.to_string(),
         })?;
-        Ok(Self {
+        if let Some(own) = written.dated {
+            written.dated = Some(*self.dated.get_or_insert(own));
+        }
+        Ok(Table {
             path: path.to_path_buf(),
             titles: written.titles.clone(),
             named: written.has_header(),
             unended_length: unended_length(path),
             kind: Kind::Csv(written),
         })
+    }
+}
+
+impl Table {
+    /// The index of the column that is called so in other words than its title, such as a path without
+    /// its first parts, or a field behind its topic.
+    #[cfg_attr(
+        not(any(feature = "arrays", feature = "bags")),
+        allow(unused_variables, clippy::unused_self)
+    )]
+    pub(super) fn respelled(&self, name: &str) -> Option<usize> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.place(name),
+            #[cfg(feature = "bags")]
+            Kind::Bag(table) => {
+                let topic = table.topic().trim_start_matches('/');
+                let name = name.trim_start_matches('/').strip_prefix(topic)?;
+                let name = name.strip_prefix('.')?;
+                self.titles.iter().position(|title| title == name)
+            }
+            _ => None,
+        }
+    }
+
+    /// The index of the column of time that the format states.
+    #[cfg_attr(not(feature = "arrays"), allow(clippy::unused_self))]
+    pub(super) fn time(&self) -> Option<usize> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.time(),
+            _ => None,
+        }
+    }
+
+    /// The index of the first column of a matrix with so many columns.
+    #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
+    pub(super) fn matrix(&self, names: &[&str], count: usize) -> Option<usize> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => {
+                let mut all = table.matrices().iter().filter(|own| own.count == count);
+                let is_named = |own: &&regen_arrays::Matrix| names.contains(&own.last_name());
+                all.find(is_named).map(|own| own.first)
+            }
+            _ => None,
+        }
+    }
+
+    /// What the file has and the table lacks, with the reasons.
+    #[cfg_attr(not(feature = "arrays"), allow(clippy::unused_self))]
+    pub(super) fn absent(&self) -> &[(String, String)] {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.absent(),
+            _ => &[],
+        }
+    }
+
+    /// Why the file has something of this name that is no column.
+    #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
+    pub(super) fn why_absent(&self, name: &str) -> Option<&str> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.why_absent(name),
+            _ => None,
+        }
     }
 
     /// Whether the file is a Parquet file, which may have episodes.
@@ -203,6 +299,10 @@ impl Table {
             Kind::Bag(table) => Ok(FileRows::Bag(Box::new(super::bags::BagRows::open(
                 table, wanted,
             )?))),
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => Ok(FileRows::Arrays(super::arrays::ArrayRows::open(
+                table, wanted,
+            )?)),
             Kind::Csv(written) => Ok(FileRows::Csv(CsvRows::open(self, written, wanted)?)),
         }
     }
@@ -212,7 +312,7 @@ impl FileRows<'_> {
     /// Takes the memory of a row back, for the next one.
     pub(super) fn reuse(&mut self, values: Vec<f64>) {
         #[cfg_attr(
-            not(any(feature = "parquet", feature = "bags")),
+            not(any(feature = "arrays", feature = "parquet", feature = "bags")),
             allow(irrefutable_let_patterns)
         )]
         if let Self::Csv(rows) = self {
@@ -228,6 +328,8 @@ impl FileRows<'_> {
             Self::Parquet(rows) => rows.next_row(),
             #[cfg(feature = "bags")]
             Self::Bag(rows) => rows.next_row(),
+            #[cfg(feature = "arrays")]
+            Self::Arrays(rows) => Ok(rows.next_row()),
         }
     }
 }

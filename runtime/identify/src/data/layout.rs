@@ -56,6 +56,9 @@ pub(super) struct ColumnLayout {
 /// The largest number of titles of a file that a message lists.
 const MAX_LISTED: usize = 40;
 
+/// The largest number of arrays outside of a table that a message lists.
+const MAX_ABSENT: usize = 8;
+
 /// Lists the titles of columns for a message, at most [`MAX_LISTED`] of each file, or the numbers of
 /// columns if a file does not name them.
 fn listed(tables: &[Table]) -> String {
@@ -72,7 +75,14 @@ fn listed(tables: &[Table]) -> String {
             } else {
                 String::new()
             };
-            parts.push(format!("{}{tail}", titles.join(", ")));
+            let absent = table.absent().iter().take(MAX_ABSENT);
+            let absent: Vec<String> = absent.map(|(name, _)| shortened(name)).collect();
+            let rest = if absent.is_empty() {
+                String::new()
+            } else {
+                format!(" (and as no columns: {})", absent.join(", "))
+            };
+            parts.push(format!("{}{tail}{rest}", titles.join(", ")));
         } else {
             parts.push(format!(
                 "{} to {} without names",
@@ -148,8 +158,8 @@ fn check<'a>(
     let mut titles = tables.iter().flat_map(|t| &t.titles);
     // letters beyond ASCII may be of any encoding; UTF-16 and binary files have control characters
     if titles.any(|title| title.contains(char::is_control)) {
-        let why =
-            "it is no text in UTF-8: save it as CSV in UTF-8 (a file in UTF-16 can be converted)";
+        let why = "it is no text in UTF-8, and in none of the formats of logs (Parquet, MAT of level 5 or 7.3, HDF5, \
+             NPY, NPZ, MDF 4, TDMS, MCAP, ROS 2): save it as CSV in UTF-8 (a file in UTF-16 can be converted)";
         return Err(why.to_owned().into());
     }
     if tables.iter().any(|t| t.titles.iter().all(String::is_empty)) {
@@ -183,6 +193,9 @@ pub(super) struct Finder<'a> {
     tables: &'a [Table],
     pub(super) header: Vec<String>,
     search: Search<'a>,
+    /// The names of the coordinates, and the indices of those with efforts.
+    coordinates: Vec<&'a str>,
+    actuated: Vec<usize>,
 }
 
 impl<'a> Finder<'a> {
@@ -194,7 +207,7 @@ impl<'a> Finder<'a> {
     /// If files or assignments are refused by [`check`].
     pub(super) fn new(
         tables: &'a [Table],
-        info: &Info<'_>,
+        info: &Info<'a>,
         search: Search<'a>,
         more: &[Assignment],
     ) -> Result<Self, Unfit> {
@@ -203,18 +216,59 @@ impl<'a> Finder<'a> {
             tables,
             header: tables.iter().flat_map(|t| t.titles.clone()).collect(),
             search,
+            coordinates: info.coordinates.to_vec(),
+            actuated: info.actuated.to_vec(),
         })
     }
 
     /// The index of a title; an error if two columns have it.
     fn place(&self, name: &str) -> Result<Option<usize>, String> {
         let Some(index) = self.header.iter().position(|h| h == name) else {
-            return Ok(None);
+            let mut all = self.in_each(|table| table.respelled(name));
+            return match (all.next(), all.next()) {
+                (Some(_), Some(_)) => Err(format!(
+                    "several columns end in `{name}`: write the whole name of one; there are: {}",
+                    listed(self.tables)
+                )),
+                (only, _) => Ok(only),
+            };
         };
         if self.header.iter().skip(index + 1).any(|h| h == name) {
             return Err(format!("the header names two columns `{name}`: rename one"));
         }
         Ok(Some(index))
+    }
+
+    /// The columns that are found in each table, as indices among the columns of all.
+    fn in_each(&self, find: impl Fn(&Table) -> Option<usize>) -> impl Iterator<Item = usize> {
+        let mut before = 0;
+        self.tables.iter().filter_map(move |table| {
+            let start = before;
+            before += table.titles.len();
+            find(table).map(|own| start + own)
+        })
+    }
+
+    /// The column of a quantity in a matrix with one column for each coordinate, or for each effort.
+    fn in_matrix(&self, quantity: &Quantity) -> Option<usize> {
+        let names: &[&str] = match quantity {
+            Quantity::Time => return None,
+            Quantity::Position(_) => &["q"],
+            Quantity::Velocity(_) => &["qd", "dq"],
+            Quantity::Acceleration(_) => &["qdd", "ddq"],
+            Quantity::Effort(_) => &["tau"],
+        };
+        let name = quantity.coordinate()?;
+        let coordinate = self.coordinates.iter().position(|own| *own == name)?;
+        let effort = self.actuated.iter().position(|own| *own == coordinate);
+        let orders = [
+            (self.coordinates.len(), Some(coordinate)),
+            (self.actuated.len(), effort),
+        ];
+        orders.into_iter().find_map(|(count, place)| {
+            let first = self.in_each(|table| table.matrix(names, count)).next()?;
+            Some(first + place?)
+        })
     }
 
     pub(super) fn given(&self, quantity: &Quantity) -> Option<&Assignment> {
@@ -224,7 +278,8 @@ impl<'a> Finder<'a> {
 
     /// The column of a quantity; `None` if it has none.
     pub(super) fn find(&self, quantity: &Quantity) -> Result<Option<Channel>, String> {
-        self.find_as(self.given(quantity), &quantity.to_string())
+        let found = self.find_as(self.given(quantity), &quantity.to_string())?;
+        Ok(found.or_else(|| self.in_matrix(quantity).map(Channel::plain)))
     }
 
     /// The column of an assignment or, if there is no assignment or its optional column is missing,
@@ -258,27 +313,36 @@ impl<'a> Finder<'a> {
 
     fn lacks(&self, given: &Assignment, title: &str) -> String {
         let (column, all) = (&given.column, listed(self.tables));
+        let mut reasons = self
+            .tables
+            .iter()
+            .filter_map(|table| table.why_absent(column));
+        if let Some(why) = reasons.next() {
+            return format!("`{column}` is no column for {title}: {why}; there are: {all}");
+        }
         format!("there is no column `{column}` for {title}; there are: {all}")
     }
 
     /// The column of time of one file, with its index among the columns of this file; `None` if it
     /// has none.
     fn time_in(&self, table: &Table) -> Option<Channel> {
-        let place = |name: &str| table.titles.iter().position(|title| title == name);
-        match self.given(&Quantity::Time) {
-            Some(given) => {
-                let index = match given.number {
-                    Some(number) => place_of(number, table.titles.len()),
-                    None => place(&given.column).or_else(|| by_number(given, table.titles.len())),
-                };
-                index.map(|index| Channel {
-                    index: Some(index),
-                    factor: given.factor,
-                    offset: given.offset,
-                })
-            }
-            None => place("t").or_else(|| place("time")).map(Channel::plain),
-        }
+        let place = |name: &str| {
+            let exact = table.titles.iter().position(|title| title == name);
+            exact.or_else(|| table.respelled(name))
+        };
+        let Some(given) = self.given(&Quantity::Time) else {
+            let stated = table.time().or_else(|| place("t"));
+            return stated.or_else(|| place("time")).map(Channel::plain);
+        };
+        let index = match given.number {
+            Some(number) => place_of(number, table.titles.len()),
+            None => place(&given.column).or_else(|| by_number(given, table.titles.len())),
+        };
+        index.map(|index| Channel {
+            index: Some(index),
+            factor: given.factor,
+            offset: given.offset,
+        })
     }
 
     /// The column of time of the run, and those of all files if they are joined by time.

@@ -1,6 +1,8 @@
-//! Logs from CSV and Parquet files and recordings: assigns columns, checks rows and computes states
+//! Logs from CSV and Parquet files, files of laboratories and recordings: assigns columns, checks rows and computes states
 //! of motion.
 
+#[cfg(feature = "arrays")]
+mod arrays;
 mod average;
 #[cfg(feature = "bags")]
 mod bags;
@@ -8,6 +10,7 @@ mod bridge;
 mod bursts;
 mod columns;
 mod csv_rows;
+mod dates;
 mod discretisation;
 mod dropouts;
 pub(crate) mod expression;

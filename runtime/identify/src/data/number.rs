@@ -1,5 +1,7 @@
 //! Numbers as they are written in logs.
 
+use super::dates;
+
 /// The powers of ten that are exact in double precision.
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
@@ -22,6 +24,11 @@ pub(super) fn of_text(text: &str, decimal_comma: bool) -> Option<f64> {
     } else {
         text.parse().ok()
     }
+}
+
+/// Whether an entry is a number, or a date with a time of the day, which has a number too.
+pub(super) fn is_one(text: &str, decimal_comma: bool) -> bool {
+    of_text(text, decimal_comma).is_some() || dates::nanoseconds(text.as_bytes()).is_some()
 }
 
 /// The number at the start of a line up to the next separator or its end, and the number of bytes

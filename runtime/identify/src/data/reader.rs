@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::bridge::{Bridge, Bridged, Bridging};
 use super::bursts::{BurstFinder, OffRow};
-use super::columns::Assignment;
+use super::columns::{Assignment, Quantity};
 use super::dropouts::{Dropout, DropoutFinder};
 use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
@@ -103,6 +103,15 @@ fn used_tables(
     Some(kept.map(|(_, table)| table.clone()).collect())
 }
 
+/// The topic that the columns name before the paths of fields, as in `/lowstate.motor_state[3].q`.
+fn topic_of(columns: &[Assignment]) -> Option<&str> {
+    let mut topics = columns.iter().filter_map(|own| {
+        let (topic, _) = own.column.split_once('.')?;
+        (own.number.is_none() && topic.starts_with('/')).then_some(topic)
+    });
+    topics.next()
+}
+
 /// Number of first rows from whose times the median step is computed.
 const STEP_ROWS: usize = 1001;
 /// A time step longer than this many median ones is a gap; a clock that goes back by more was set
@@ -173,17 +182,25 @@ impl LogFile {
                 return Err(unfit(&format!("the {what} must be above 0 Hz")));
             }
         }
+        let time = settings
+            .columns
+            .iter()
+            .find(|given| given.quantity == Quantity::Time && given.number.is_none());
+        let time = time.map(|given| given.column.as_str());
+        let topic = settings.topic.as_deref().or(run.topic.as_deref());
         let mut opening = Opening {
             format: settings.format,
-            topic: settings.topic.as_deref().or(run.topic.as_deref()),
+            topic: topic.or_else(|| topic_of(&settings.columns)),
             episode: settings.episode.or(run.episode),
+            time: time.filter(|_| settings.rate.is_none() && !settings.poses),
             start: None,
+            dated: None,
         };
         let mut tables = Vec::with_capacity(run.files.len());
         for path in &run.files {
             tables.extend(opening.tables(path)?);
         }
-        if let (Some(topic), None) = (opening.topic, opening.start) {
+        if let (Some(topic), None) = (topic, opening.start) {
             return Err(unfit(&format!(
                 "the topic {topic} is named, and none of its files is a recording with topics"
             )));

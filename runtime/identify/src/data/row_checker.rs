@@ -55,6 +55,11 @@ pub(super) struct RowChecker<'a> {
     recent: Vec<[f64; OUTLIER_ROWS]>,
     /// The time, s, of the last row that was in order of time, whether it is used or not.
     last_time: Option<f64>,
+    /// The time, s, of the first row.
+    first_time: Option<f64>,
+    /// That the clock was set back to the time of the first row: a problem unless it goes on from there, as
+    /// that of another run in the same file does.
+    restarted: Option<Problem>,
     /// Whether the next row that is released does not follow the last one released.
     segment_ended: bool,
     /// Whether a gap before the next row comes from a row that was already reported.
@@ -97,6 +102,8 @@ impl<'a> RowChecker<'a> {
             spare: Vec::new(),
             recent: vec![[0.0; OUTLIER_ROWS]; layout.positions().len()],
             last_time: None,
+            first_time: None,
+            restarted: None,
             segment_ended: true,
             gap_reported: true,
             time_before: None,
@@ -137,6 +144,9 @@ impl<'a> RowChecker<'a> {
         problem: &mut dyn FnMut(Problem),
         each: &mut RowSink<'_>,
     ) -> Result<(), DataError> {
+        if let Some(found) = self.restarted.take() {
+            problem(found);
+        }
         while !self.queue.is_empty() {
             self.release(problem, each)?;
         }
@@ -146,6 +156,12 @@ impl<'a> RowChecker<'a> {
     /// Checks the time of a row and adds it to the buffer.
     fn check(&mut self, row: &LogRow, problem: &mut dyn FnMut(Problem)) {
         let time = row.values.first().copied().unwrap_or(f64::NAN);
+        let first_time = *self.first_time.get_or_insert(time);
+        if let (Some(found), Some(last)) = (self.restarted.take(), self.last_time)
+            && !(time > last && time - last <= self.longest_step)
+        {
+            problem(found);
+        }
         let mut report = |what| {
             problem(Problem::of(row.line, what));
         };
@@ -173,6 +189,9 @@ impl<'a> RowChecker<'a> {
                 });
                 match self.queue.back_mut() {
                     Some(last) if goes_on && !last.follows => last.fault = Some(Box::new(fault)),
+                    _ if (time - first_time).abs() <= self.survey.raw_step => {
+                        self.restarted = Some(Problem::of(row.line, fault));
+                    }
                     _ => report(fault),
                 }
             }

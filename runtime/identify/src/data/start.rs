@@ -137,10 +137,10 @@ impl Row {
     }
 }
 
-/// Whether a text is a number with a point or a comma before its decimals. A comma at its end or at
+/// Whether a text is a number with a point or a comma before its decimals, or a date. A comma at its end or at
 /// its start stands between columns.
 fn is_number(text: &str) -> bool {
-    !text.ends_with(',') && !text.starts_with(',') && number::of_text(text, true).is_some()
+    !text.ends_with(',') && !text.starts_with(',') && number::is_one(text, true)
 }
 
 /// The number of entries that the rows of the second half have most often.

@@ -8,8 +8,8 @@ use std::path::Path;
 use csv::{Reader, ReaderBuilder};
 
 use super::lines::{Limited, Place};
-use super::number;
 use super::start::{self, Row, Start};
+use super::{dates, number};
 
 /// Whether the first row of a log names its columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,6 +77,8 @@ pub(super) struct Written {
     comment: u8,
     /// The names of the columns; their numbers from 1 where the file does not name them.
     pub(super) titles: Vec<String>,
+    /// The first date with a time of the day in it, ns since 1970; dates count from it or another one.
+    pub(super) dated: Option<i64>,
 }
 
 /// Bytes at the start of a file from which its format is found.
@@ -136,11 +138,7 @@ impl Written {
             );
             return Err(io::Error::new(io::ErrorKind::InvalidData, why));
         }
-        let numbers = |texts: &[String]| {
-            texts
-                .iter()
-                .all(|t| number::of_text(t, decimal_comma).is_some())
-        };
+        let numbers = |texts: &[String]| texts.iter().all(|t| number::is_one(t, decimal_comma));
         let has_header = asked.header == Header::Auto && (first.is_empty() || !numbers(first));
         let titles = if has_header {
             first.to_vec()
@@ -156,6 +154,10 @@ impl Written {
             start: rows.first().map_or(beginning, |row| row.place),
             comment,
             titles,
+            dated: rows
+                .iter()
+                .flat_map(|row| &row.cells)
+                .find_map(|text| dates::nanoseconds(text.as_bytes())),
         })
     }
 
@@ -196,9 +198,13 @@ impl Written {
         number::leading(line, self.separator.byte(), self.decimal_comma)
     }
 
-    /// The number of an entry; `None` if the entry is not a number.
+    /// The number of an entry, that of a date in s from [`Self::dated`]; `None` if the entry is neither.
     pub(super) fn number(&self, entry: &[u8]) -> Option<f64> {
-        number::of_bytes(entry, self.decimal_comma)
+        number::of_bytes(entry, self.decimal_comma).or_else(|| {
+            let own = dates::nanoseconds(entry.trim_ascii())?;
+            // differences of integers: seconds since 1970 as doubles do not resolve a microsecond
+            Some(own.saturating_sub(self.dated.unwrap_or(0)) as f64 * 1e-9)
+        })
     }
 }
 

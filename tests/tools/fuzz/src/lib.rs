@@ -11,6 +11,7 @@
 //! regen_fuzz::csv(b"t,q1,tau_q1\n0,0,0\n\"");
 //! regen_fuzz::parquet(b"PAR1PAR1");
 //! regen_fuzz::bag(b"\x89MCAP0\r\n");
+//! regen_fuzz::arrays(b"\x93NUMPY\x01\0");
 //! regen_fuzz::experiment(b"runs: [{files: a.csv}]");
 //! ```
 
@@ -19,14 +20,14 @@ mod log;
 mod other;
 
 pub use description::{c, derive, expression, yaml};
-pub use log::{bag, csv, parquet};
+pub use log::{arrays, bag, csv, parquet};
 pub use other::{experiment, factors, import};
 
 /// The name of a reader and the function that checks it.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets; the names are those of the fuzz targets and of the directories in `kept/`.
-pub const TARGETS: [Target; 10] = [
+pub const TARGETS: [Target; 11] = [
     ("yaml", yaml),
     ("expression", expression),
     ("derive", derive),
@@ -34,6 +35,7 @@ pub const TARGETS: [Target; 10] = [
     ("csv", csv),
     ("parquet", parquet),
     ("bag", bag),
+    ("arrays", arrays),
     ("import", import),
     ("factors", factors),
     ("experiment", experiment),

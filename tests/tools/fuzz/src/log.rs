@@ -1,4 +1,4 @@
-//! Targets for logs: CSV and Parquet files and recordings, with every method of differentiation.
+//! Targets for logs: CSV and Parquet files, files of arrays and recordings, with every method of differentiation.
 
 use std::cell::RefCell;
 use std::fs::File;
@@ -130,6 +130,27 @@ pub fn parquet(bytes: &[u8]) {
 /// When the reader panics, or its error has no message.
 pub fn bag(bytes: &[u8]) {
     if RECORDINGS.iter().any(|magic| bytes.starts_with(magic)) {
+        log(bytes);
+    }
+}
+
+/// First bytes of files of arrays: NPY, NPZ, MAT, HDF5, MDF and TDMS.
+const ARRAYS: [&[u8]; 6] = [
+    b"\x93NUMPY",
+    b"PK\x03\x04",
+    b"MATLAB",
+    b"\x89HDF\r\n\x1a\n",
+    b"MDF     ",
+    b"TDSm",
+];
+
+/// Checks that a file of arrays gives equations or an error; inputs that do not begin as one are left
+/// to [`csv`].
+///
+/// # Panics
+/// When the reader panics, or its error has no message.
+pub fn arrays(bytes: &[u8]) {
+    if ARRAYS.iter().any(|magic| bytes.starts_with(magic)) {
         log(bytes);
     }
 }

@@ -171,6 +171,11 @@ fn every_recording_gives_equations_or_an_error() {
 }
 
 #[test]
+fn every_file_of_arrays_gives_equations_or_an_error() {
+    run_target("arrays", &[("tests/fixtures/arrays", &[])], 3000);
+}
+
+#[test]
 fn every_robot_file_of_other_programs_is_imported_or_refused() {
     run_target(
         "import",

@@ -1,0 +1,444 @@
+//! TDMS files of LabVIEW.
+
+use std::collections::BTreeMap;
+
+use crate::array::{Array, Container, Found, require_few};
+use crate::error::{Read, broken, refused};
+use crate::input::{Fields, Input, text};
+use crate::number::{Kind, Stored};
+
+/// The first bytes of a file, and of each segment of it.
+pub(crate) const MAGIC: &[u8] = b"TDSm";
+/// The length of the start of a segment.
+const LEAD_BYTES: u64 = 28;
+/// The largest number of segments, and of pieces of all channels in them.
+const MAX_SEGMENTS: usize = 1_000_000;
+const MAX_PIECES: usize = 10_000_000;
+/// Why raw values of a card are not read.
+const DAQMX: &str = "it has raw values of DAQmx: save it again by LabVIEW, or convert it to CSV by npTDMS \
+                     (`TdmsFile(..).as_dataframe().to_csv(..)`)";
+/// A fraction of a second in a time of LabVIEW.
+const FRACTION: f64 = 1.0 / 18_446_744_073_709_551_616.0;
+
+/// How the values of a channel are stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Type {
+    Number(Stored),
+    /// Seconds, and fractions of one; with the most significant byte first.
+    Time(bool),
+    /// Neither; with the size of a value, if all have the same.
+    Other(Option<u64>),
+}
+
+impl Type {
+    fn of(code: u32, big: bool) -> Self {
+        let (kind, size) = match code {
+            1..=4 => (Kind::Signed, 1 << (code - 1)),
+            5..=8 => (Kind::Unsigned, 1 << (code - 5)),
+            9 | 0x19 => (Kind::Float, 4),
+            10 | 0x1a => (Kind::Float, 8),
+            0x21 => (Kind::Unsigned, 1),
+            0x44 => return Self::Time(big),
+            0x0008_000c => return Self::Other(Some(8)),
+            11 | 0x1b | 0x0010_000d => return Self::Other(Some(16)),
+            _ => return Self::Other(None),
+        };
+        Stored::new(kind, size, big).map_or(Self::Other(None), Self::Number)
+    }
+
+    fn size(self) -> Option<u64> {
+        match self {
+            Self::Number(stored) => Some(stored.size as u64),
+            Self::Time(_) => Some(16),
+            Self::Other(size) => size,
+        }
+    }
+}
+
+/// The values of a channel in a segment, once.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    kind: Type,
+    count: u64,
+    bytes: u64,
+}
+
+/// Values of a channel that follow each other.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    at: u64,
+    count: u64,
+    /// From one value to the next, in bytes.
+    step: u64,
+    kind: Type,
+}
+
+/// A channel.
+#[derive(Clone, Debug, Default)]
+struct Channel {
+    /// How its values were stored in the last segment with a description of them.
+    last: Option<Block>,
+    pieces: Vec<Piece>,
+    count: u64,
+    /// Why it is not read.
+    why: Option<&'static str>,
+    /// The step of a waveform, and the time of its first value, s.
+    step: Option<f64>,
+    start: f64,
+}
+
+/// What an array has.
+#[derive(Clone, Debug)]
+enum Place {
+    Values(Vec<Piece>),
+    /// Times at a step from one on.
+    Steps(f64, f64, u64),
+}
+
+#[derive(Debug)]
+struct Tdms(Vec<Place>);
+
+impl Container for Tdms {
+    fn numbers(&self, input: &mut Input, place: usize) -> Read<Vec<f64>> {
+        let pieces = match self.0.get(place) {
+            Some(Place::Values(pieces)) => pieces,
+            Some(Place::Steps(start, step, count)) => {
+                return Ok((0..*count).map(|k| start + step * k as f64).collect());
+            }
+            None => return refused("it has disappeared"),
+        };
+        let mut out = Vec::new();
+        // times count from the first one, since those since 1904 resolve no microseconds
+        let mut first: Option<(i64, u64)> = None;
+        for piece in pieces {
+            let size = piece.kind.size().unwrap_or(0);
+            let Some(last) = piece.count.checked_sub(1) else {
+                continue;
+            };
+            let bytes = input.data(piece.at, last * piece.step + size)?;
+            let values = bytes.chunks(piece.step as usize);
+            match piece.kind {
+                Type::Number(stored) => out.extend(values.map(|own| stored.number(own))),
+                Type::Time(big) => {
+                    for own in values {
+                        let mut fields = Fields::new(own, big);
+                        let (one, other) = (fields.u64()?, fields.u64()?);
+                        let (seconds, part) = if big { (one, other) } else { (other, one) };
+                        let own = (seconds.cast_signed(), part);
+                        let from = *first.get_or_insert(own);
+                        let whole = own.0.wrapping_sub(from.0) as f64;
+                        out.push(whole + (own.1 as f64 - from.1 as f64) * FRACTION);
+                    }
+                }
+                Type::Other(_) => return refused("it has no numbers"),
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// A value of a property, if it is a number.
+fn property(fields: &mut Fields<'_>, big: bool) -> Read<Option<f64>> {
+    let code = fields.u32()?;
+    if code == 0x20 {
+        let length = fields.u32()? as usize;
+        fields.skip(length)?;
+        return Ok(None);
+    }
+    let kind = Type::of(code, big);
+    let Some(size) = kind.size() else {
+        return broken(format!("a property of it is of the unknown type {code}"));
+    };
+    let bytes = fields.take(size as usize)?;
+    Ok(match kind {
+        Type::Number(stored) => Some(stored.number(bytes)),
+        _ => None,
+    })
+}
+
+/// The parts of a path such as `/'arm'/'q''1'`.
+fn parts(path: &str) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    let mut inside = false;
+    let mut letters = path.chars().peekable();
+    while let Some(c) = letters.next() {
+        match (c, inside) {
+            ('\'', true) if letters.peek() == Some(&'\'') => {
+                letters.next();
+                if let Some(own) = out.last_mut() {
+                    own.push('\'');
+                }
+            }
+            ('\'', _) => {
+                inside = !inside;
+                if inside {
+                    out.push(String::new());
+                }
+            }
+            (c, true) => {
+                if let Some(own) = out.last_mut() {
+                    own.push(c);
+                }
+            }
+            _ => {}
+        }
+    }
+    out
+}
+
+/// The channels of a file while it is read, in the order in which they appear.
+#[derive(Default)]
+struct Reader {
+    names: BTreeMap<String, usize>,
+    channels: Vec<(String, Channel)>,
+    /// The channels that have values in the present segment.
+    active: Vec<usize>,
+    pieces: usize,
+}
+
+impl Reader {
+    fn channel(&mut self, path: &str) -> Read<usize> {
+        if let Some(own) = self.names.get(path) {
+            return Ok(*own);
+        }
+        let own = self.channels.len();
+        require_few(own)?;
+        self.names.insert(path.to_owned(), own);
+        self.channels.push((path.to_owned(), Channel::default()));
+        Ok(own)
+    }
+
+    /// Reads the descriptions at the start of a segment.
+    fn describe(&mut self, bytes: &[u8], big: bool, is_new: bool) -> Read<()> {
+        let mut fields = Fields::new(bytes, big);
+        if is_new {
+            self.active.clear();
+        }
+        for _ in 0..fields.u32()? {
+            let length = fields.u32()? as usize;
+            let path = text(fields.take(length)?);
+            let own = self.channel(&path)?;
+            let channel = &mut self.channels[own].1;
+            let index = fields.u32()?;
+            match index {
+                // without values, or stored as before
+                u32::MAX | 0 => {}
+                0x1269 | 0x126a => {
+                    return refused(DAQMX);
+                }
+                _ => {
+                    let kind = Type::of(fields.u32()?, big);
+                    let axes = fields.u32()?;
+                    let count = fields.u64()?;
+                    let bytes = match (index, kind.size()) {
+                        (28, _) => fields.u64()?,
+                        (_, Some(size)) => size.saturating_mul(count),
+                        (_, None) => return broken("a channel has values of an unknown type"),
+                    };
+                    if axes != 1 {
+                        return broken("a channel has values with several axes");
+                    }
+                    channel.last = Some(Block { kind, count, bytes });
+                }
+            }
+            if index != u32::MAX && !self.active.contains(&own) {
+                self.active.push(own);
+            }
+            for _ in 0..fields.u32()? {
+                let length = fields.u32()? as usize;
+                let name = text(fields.take(length)?);
+                let value = property(&mut fields, big)?;
+                match (&*name, value) {
+                    ("wf_increment", Some(step)) if step > 0.0 => channel.step = Some(step),
+                    ("wf_start_offset", Some(start)) => channel.start = start,
+                    _ => {}
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the values of a segment, which are from `at` to `end`.
+    fn values(&mut self, at: u64, end: u64, interleaved: bool, big: bool) -> Read<()> {
+        let blocks: Vec<(usize, Block)> = self
+            .active
+            .iter()
+            .filter_map(|own| Some((*own, self.channels[*own].1.last?)))
+            .collect();
+        let sizes = blocks.iter().map(|(_, own)| own.bytes);
+        let whole = sizes.fold(0_u64, u64::saturating_add);
+        if whole == 0 {
+            return Ok(());
+        }
+        let row: u64 = if interleaved {
+            let sizes = blocks.iter().map(|(_, own)| own.kind.size());
+            let Some(row) = sizes.sum::<Option<u64>>() else {
+                return broken("interleaved values have different lengths");
+            };
+            row
+        } else {
+            0
+        };
+        let mut start = at;
+        // a segment has its values as often as they fit; of one that was cut off, rows that all channels
+        // have are kept, so that their lengths stay the same
+        while start < end && (interleaved || end - start >= whole) {
+            let rows = (end - start).checked_div(row).unwrap_or(u64::MAX);
+            let mut first = start;
+            for (own, block) in &blocks {
+                let size = block.kind.size().unwrap_or(0);
+                let at = first;
+                first = first.saturating_add(if interleaved { size } else { block.bytes });
+                let step = if interleaved { row } else { size };
+                let channel = &mut self.channels[*own].1;
+                // values of other orders of bytes keep their own
+                let kind = match block.kind {
+                    Type::Number(stored) => Type::Number(Stored { big, ..stored }),
+                    Type::Time(_) => Type::Time(big),
+                    other @ Type::Other(_) => other,
+                };
+                if matches!(kind, Type::Other(_)) {
+                    channel.why =
+                        Some("it has text, complex numbers or numbers of extended precision");
+                    continue;
+                }
+                let inside = end.saturating_sub(at).checked_div(size).unwrap_or(0);
+                let count = block.count.min(rows).min(inside);
+                channel.count += count;
+                self.pieces += 1;
+                if self.pieces > MAX_PIECES {
+                    return refused("its values are in too many pieces: save it again by LabVIEW");
+                }
+                channel.pieces.push(Piece {
+                    at,
+                    count,
+                    step,
+                    kind,
+                });
+            }
+            start = start.saturating_add(whole);
+        }
+        Ok(())
+    }
+
+    /// The arrays of the channels.
+    fn finish(self) -> Found {
+        let (mut arrays, mut places, mut unread) = (Vec::new(), Vec::new(), Vec::new());
+        let mut groups: Vec<String> = Vec::new();
+        // the waveforms that have a time already, by group, length, step and start
+        let mut waves: Vec<(usize, u64, u64, u64)> = Vec::new();
+        for (path, channel) in self.channels {
+            let parts = parts(&path);
+            let [group, name] = &parts[..] else { continue };
+            let title = format!("{group}/{name}");
+            if let Some(why) = channel.why {
+                unread.push((title, why.to_owned()));
+                continue;
+            }
+            if channel.count == 0 {
+                unread.push((title, "it has no values".to_owned()));
+                continue;
+            }
+            let own = groups.iter().position(|own| own == group);
+            let own = own.unwrap_or_else(|| {
+                groups.push(group.clone());
+                groups.len() - 1
+            });
+            let is_time = matches!(
+                channel.last,
+                Some(Block {
+                    kind: Type::Time(_),
+                    ..
+                })
+            ) || matches!(
+                &*name.to_lowercase(),
+                "t" | "time" | "time (s)" | "time [s]"
+            );
+            if let Some(step) = channel.step.filter(|_| !is_time) {
+                let wave = (own, channel.count, step.to_bits(), channel.start.to_bits());
+                if !waves.contains(&wave) {
+                    waves.push(wave);
+                    let number = waves.iter().filter(|wave| wave.0 == own).count();
+                    let name = match number {
+                        1 => format!("{group}/(time of the waveforms)"),
+                        _ => format!("{group}/(time {number} of the waveforms)"),
+                    };
+                    arrays.push(Array {
+                        place: places.len(),
+                        group: Some(own),
+                        is_time: true,
+                        ..Array::new(name, vec![channel.count])
+                    });
+                    places.push(Place::Steps(channel.start, step, channel.count));
+                }
+            }
+            arrays.push(Array {
+                place: places.len(),
+                group: Some(own),
+                is_time,
+                ..Array::new(title, vec![channel.count])
+            });
+            places.push(Place::Values(channel.pieces));
+        }
+        Found {
+            arrays,
+            unread,
+            container: Box::new(Tdms(places)),
+        }
+    }
+}
+
+/// Opens a file.
+pub(crate) fn open(input: &mut Input) -> Read<Found> {
+    let mut reader = Reader::default();
+    let mut at = 0;
+    let mut segments = 0;
+    while at < input.len() {
+        segments += 1;
+        if segments > MAX_SEGMENTS {
+            return refused(format!("it has more than {MAX_SEGMENTS} segments"));
+        }
+        let lead = input.up_to(at, LEAD_BYTES)?;
+        // a recorder that was stopped may leave a part of the start of a segment
+        if (lead.len() as u64) < LEAD_BYTES {
+            break;
+        }
+        let mut fields = Fields::new(&lead, false);
+        if fields.take(4)? != MAGIC {
+            return broken(format!("there is no segment at byte {at}"));
+        }
+        let contents = fields.u32()?;
+        let big = contents & 0x40 != 0;
+        let mut fields = Fields::new(fields.rest(), big);
+        fields.skip(4)?;
+        let (next, raw) = (fields.u64()?, fields.u64()?);
+        let begin = at + LEAD_BYTES;
+        let data = begin.saturating_add(raw);
+        // an unfinished segment has no end
+        let end = begin.saturating_add(next).min(input.len());
+        if contents & 0x80 != 0 {
+            return refused(DAQMX);
+        }
+        if contents & 2 != 0 {
+            let bytes = input.bytes(begin, raw)?;
+            reader.describe(&bytes, big, contents & 4 != 0)?;
+        }
+        if contents & 8 != 0 {
+            reader.values(data, end, contents & 0x20 != 0, big)?;
+        }
+        at = end;
+    }
+    Ok(reader.finish())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_divided_at_their_quotation_marks() {
+        assert_eq!(parts("/"), Vec::<String>::new());
+        assert_eq!(parts("/'arm'/'q''1'"), ["arm", "q'1"]);
+        assert_eq!(parts("/'a/b'/'c'"), ["a/b", "c"]);
+    }
+}
