@@ -294,26 +294,28 @@ mod tests {
 
     use super::*;
     use crate::data::Settings;
-    use crate::suspect::swings::{Swings, swings};
+    use crate::suspect::swings::{Swings, Written, swings};
 
-    /// Opens a log of three joints with so many rows, 10 ms apart.
-    fn opened<'m>(model: &'m Swings, rows: usize, name: &str) -> Logs<'m, Swings> {
+    /// A log of three joints with so many rows, 10 ms apart.
+    fn log(rows: usize, name: &str) -> Written {
         let mut text = "t,q1,q2,q3,tau_q1,tau_q2,tau_q3\n".to_owned();
         for k in 0..rows {
             let t = 0.01 * k as f64;
             let [a, b, c] = [1.3, 2.1, 0.9].map(|w| (w * t).sin());
             let _ = writeln!(text, "{t},{a},{b},{c},{},{},{}", 2.0 * a, b - c, c + 1.0);
         }
-        let path =
-            std::env::temp_dir().join(format!("regen-thinned-{name}-{}.csv", std::process::id()));
-        std::fs::write(&path, text).unwrap();
-        Logs::open(model, std::slice::from_ref(&path), &Settings::default()).unwrap()
+        Written::new(name, &text)
+    }
+
+    fn opened<'m>(model: &'m Swings, log: &Written) -> Logs<'m, Swings> {
+        Logs::open(model, std::slice::from_ref(&log.0), &Settings::default()).unwrap()
     }
 
     #[test]
     fn of_a_long_log_stretches_that_are_spread_over_it_are_kept() {
         let model = swings(false);
-        let logs = opened(&model, 4000, "long");
+        let file = log(4000, "long");
+        let logs = opened(&model, &file);
         let whole = logs.in_memory(4000).unwrap();
         let stretches = |logs: &Logs<'_, Swings>| -> Vec<(f64, usize)> {
             let kept = logs.files[0].kept.as_ref().unwrap();
@@ -335,7 +337,8 @@ mod tests {
     #[test]
     fn logs_in_memory_know_how_long_they_are_and_that_their_motion_is_differentiated() {
         let model = swings(false);
-        let logs = opened(&model, 500, "short").in_memory(500).unwrap();
+        let file = log(500, "short");
+        let logs = opened(&model, &file).in_memory(500).unwrap();
         let [(step, length)] = logs.durations()[..] else {
             panic!("one log");
         };

@@ -877,16 +877,16 @@ mod tests {
             assert_eq!(rate, None);
             logs.settings().method
         };
-        assert_eq!(method(&[whole.into()]), Method::Central);
+        assert_eq!(method(&[whole.0.clone().into()]), Method::Central);
         let divided = written("divided", 2000, 0.0, |k| !(900..910).contains(&k));
-        assert_eq!(method(&[divided.into()]), bridging());
+        assert_eq!(method(&[divided.0.clone().into()]), bridging());
     }
 
     #[test]
     fn the_next_cutoff_is_that_of_the_trial_above_the_chosen_one() {
         let model = swings(false);
         let run = written("cutoffs", 500, 0.0, |_| true);
-        let logs = Logs::open(&model, &[run], &Settings::default()).unwrap();
+        let logs = Logs::open(&model, std::slice::from_ref(&run.0), &Settings::default()).unwrap();
         let of = |place: usize| {
             let trials = [1.0, 3.2, 10.0].map(|cutoff| trial_of(cutoff, 1.0, 0.1, 0.1));
             let basis = Basis {

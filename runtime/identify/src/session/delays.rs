@@ -390,15 +390,18 @@ mod tests {
             confidence: 0.95,
             watch: &super::super::Silent,
         };
-        let late = Run::from(written("late", 3000, 0.013, |_| true));
-        let found = settled_delays(&session, &[late]).unwrap_or_default();
+        let late = written("late", 3000, 0.013, |_| true);
+        let found = settled_delays(&session, &[late.0.clone().into()]).unwrap_or_default();
         let names: Vec<&str> = found.iter().map(|own| own.0.as_str()).collect();
         assert_eq!(names, ["q1", "q2", "q3"], "{found:?}");
         assert!(
             found.iter().all(|own| (own.1 - 0.013).abs() < 1e-3),
             "{found:?}"
         );
-        let on_time = Run::from(written("on-time", 3000, 0.0, |_| true));
-        assert_eq!(settled_delays(&session, &[on_time]).unwrap_or_default(), []);
+        let on_time = written("on-time", 3000, 0.0, |_| true);
+        assert_eq!(
+            settled_delays(&session, &[on_time.0.clone().into()]).unwrap_or_default(),
+            []
+        );
     }
 }

@@ -471,7 +471,11 @@ mod tests {
         use crate::suspect::swings::{swings, written};
         let model = swings(false);
         let run = written("noise", 300, 0.0, |_| true);
-        let logs = Logs::open(&model, &[run], &crate::data::Settings::default());
+        let logs = Logs::open(
+            &model,
+            std::slice::from_ref(&run.0),
+            &crate::data::Settings::default(),
+        );
         let logs = logs.and_then(|own| own.in_memory(300)).unwrap();
         let mut noisy = NoisyLogs::new(&logs, &[Vec::new()], 10.0);
         noisy.deviations = vec![vec![1e-2; 3]];

@@ -398,12 +398,7 @@ fn three_equations_are_needed_for_each_parameter() {
 /// Writes a log of so many rows, 5 ms apart, whose efforts are late by this time, s.
 ///
 /// - `has`: whether a row is in it.
-pub(crate) fn written(
-    name: &str,
-    rows: u32,
-    late: f64,
-    has: impl Fn(u32) -> bool,
-) -> std::path::PathBuf {
+pub(crate) fn written(name: &str, rows: u32, late: f64, has: impl Fn(u32) -> bool) -> Written {
     let mut random = Random(13);
     let waves = [(1.1, 2.3, 0.2), (0.8, 3.1, 1.3), (0.6, 4.3, 2.2)];
     let motion = |i: usize, t: f64| {
@@ -436,10 +431,25 @@ pub(crate) fn written(
             text += &(cells.join(",") + "\n");
         }
     }
-    let file = format!("regen-swings-{name}-{}.csv", std::process::id());
-    let path = std::env::temp_dir().join(file);
-    std::fs::write(&path, text).unwrap();
-    path
+    Written::new(name, &text)
+}
+
+/// A log in a file that lasts as long as this.
+pub(crate) struct Written(pub(crate) std::path::PathBuf);
+
+impl Written {
+    pub(crate) fn new(name: &str, text: &str) -> Self {
+        let file = format!("regen-swings-{name}-{}.csv", std::process::id());
+        let path = std::env::temp_dir().join(file);
+        std::fs::write(&path, text).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for Written {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
 }
 
 #[test]
