@@ -470,3 +470,47 @@ pub(super) fn require_effect(parsed: &ArgMatches) -> Result<(), Failure> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Read {
+        #[command(flatten)]
+        reading: ReadingArgs,
+    }
+
+    #[test]
+    fn an_experiment_file_states_what_it_says_and_no_defaults() {
+        let unused = |estimator: EstimatorArg, options: &[&str]| -> Vec<&'static str> {
+            let words = ["regen"].iter().chain(options);
+            let read = Read::try_parse_from(words).map(|own| own.reading);
+            read.map_or(vec!["refused"], |own| {
+                unused_keys(estimator, &own).collect()
+            })
+        };
+        for estimator in [
+            EstimatorArg::Didim,
+            EstimatorArg::Response,
+            EstimatorArg::Ls,
+        ] {
+            assert_eq!(unused(estimator, &[]), [""; 0]);
+        }
+        for (options, key, of_didim) in [
+            (&["--delay", "auto"], "delay", false),
+            (&["--delay", "q1=0.01"], "delay", false),
+            (&["--period", "2.5"], "period", false),
+            (&["--butterworth", "20,4"], "filter", true),
+            (&["--standstill", "keep"], "standstill", true),
+            (&["--rest-speed", "0.1"], "standstill", true),
+            (&["--decimate", "3"], "decimate", true),
+        ] {
+            assert_eq!(unused(EstimatorArg::Response, options), [key]);
+            let didim = unused(EstimatorArg::Didim, options);
+            assert_eq!(didim, if of_didim { vec![] } else { vec![key] });
+            assert_eq!(unused(EstimatorArg::Huber, options), [""; 0]);
+        }
+    }
+}

@@ -355,3 +355,84 @@ fn key(gravity: [f64; 3]) -> String {
     let [x, y, z] = gravity;
     format!("`gravity: [{x}, {y}, {z}]`")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use regen_runtime::Symbol;
+
+    const DOWN: [f64; 3] = [0.0, 0.0, -9.81];
+
+    #[test]
+    fn each_axis_is_tried_once_and_earths_gravity_where_the_specs_is_in_another_unit() {
+        let found = others(DOWN);
+        assert_eq!(found.len(), 6);
+        assert!(
+            found.contains(&[0.0; 3])
+                && found.contains(&[0.0, 0.0, 9.81])
+                && !found.contains(&DOWN)
+        );
+        for (place, gravity) in found.iter().enumerate() {
+            assert!(!found[..place].contains(gravity), "{found:?}");
+        }
+        let in_millimetres = others([0.0, 0.0, -9810.0]);
+        let is_earths = |sign: f64| {
+            let near = |own: &&[f64; 3]| (own[2] - sign * USUAL_GRAVITY).abs() < 1e-9;
+            in_millimetres.iter().filter(near).count() == 1
+        };
+        assert!(
+            in_millimetres.len() == 8 && is_earths(1.0) && is_earths(-1.0),
+            "{in_millimetres:?}"
+        );
+        // without a gravity, those of earth
+        assert_eq!(others([0.0; 3]).len(), 6);
+    }
+
+    #[test]
+    fn multiples_of_one_gravity_are_derived_together_if_nothing_else_acts_at_rest() {
+        let of = |gravity: [f64; 3], are_one: bool| -> Vec<usize> {
+            groups(gravity, are_one).iter().map(Vec::len).collect()
+        };
+        // none and upside down; then both directions of each axis
+        assert_eq!(of(DOWN, true), [2, 2, 2]);
+        assert_eq!(of([0.0, 0.0, -9810.0], true), [4, 2, 2]);
+        assert_eq!(of(DOWN, false), [1; 6]);
+        let with = |symbol: Symbol<'static>| {
+            has_gravity_only(&Info {
+                parameters: &[
+                    Parameter::new(Symbol::Mass, "a"),
+                    Parameter::new(symbol, "b"),
+                ],
+                ..Info::EMPTY
+            })
+        };
+        assert!(with(Symbol::Friction("Fv")) && with(Symbol::Mass));
+        assert!(!with(Symbol::Offset) && !with(Symbol::Stiffness) && !with(Symbol::Term("k")));
+    }
+
+    #[test]
+    fn what_another_gravity_says_depends_on_its_direction() {
+        let says = |gravity: [f64; 3], what: &str| words(DOWN, gravity).contains(what);
+        assert!(says([0.0; 3], "do not contain"));
+        assert!(says([0.0, 0.0, -9810.0], "another unit"));
+        assert!(says([0.0, 0.0, 9.81], "upside down"));
+        assert!(says([0.0, 9.81, 0.0], "another axis"));
+        assert!(words([0.0, -5.0, -8.4], [0.0, 0.0, -9.81]).contains("another axis"));
+        assert!(words([0.0; 3], DOWN).contains("the spec has none"));
+    }
+
+    #[test]
+    fn a_spec_of_standard_input_is_not_read_again() {
+        assert!(OtherSpecs::new(Path::new("-"), None).mechanism().is_none());
+        assert!(OtherSpecs::default().mechanism().is_none());
+        let fivebar = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../runtime/guide/fivebar/fivebar.yaml"
+        );
+        assert!(
+            OtherSpecs::new(Path::new(fivebar), None)
+                .mechanism()
+                .is_some()
+        );
+    }
+}

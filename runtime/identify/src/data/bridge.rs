@@ -431,3 +431,130 @@ fn legendre(degree: usize, u: f64) -> Vec<f64> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn legendre_polynomials_are_those_of_the_textbook() {
+        let u = 0.4;
+        let expected = [
+            1.0,
+            u,
+            0.5 * (3.0 * u * u - 1.0),
+            0.5 * (5.0 * u * u * u - 3.0 * u),
+            0.125 * (35.0 * u * u * u * u - 30.0 * u * u + 3.0),
+        ];
+        let found = legendre(4, u);
+        assert!(
+            found
+                .iter()
+                .zip(expected)
+                .all(|(a, b)| (a - b).abs() < 1e-15),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn a_smooth_motion_is_bridged_exactly_and_an_effort_by_a_line() {
+        let motion = |t: f64| 3.0 + t - 2.0 * t.powi(3) + t.powi(5) - 0.3 * t.powi(7);
+        let times = (0..24).map(|k| 5.0 + 0.1 * f64::from(if k < 12 { k } else { k + 8 }));
+        let points: Vec<(f64, f64)> = times.map(|t| (t, motion(t - 6.5))).collect();
+        let fit = Polynomial::through(&points, true);
+        for t in [6.2, 6.5, 6.9] {
+            assert!((fit.at(t) - motion(t - 6.5)).abs() < 1e-9, "{t}");
+        }
+        let line: Vec<(f64, f64)> = points.iter().map(|(t, _)| (*t, 2.0 - 3.0 * t)).collect();
+        let fit = Polynomial::through(&line, false);
+        assert!((fit.at(6.5) - (2.0 - 3.0 * 6.5)).abs() < 1e-9);
+        assert_eq!(fit.coefficients.len(), 2);
+        // a constant stays so to the bit
+        let still: Vec<(f64, f64)> = points.iter().map(|(t, _)| (*t, 0.1)).collect();
+        assert!((Polynomial::through(&still, true).at(6.5) - 0.1).abs() <= 0.0);
+    }
+
+    #[test]
+    fn noise_is_bridged_by_the_lowest_degree_that_leaves_as_little() {
+        let mut random = crate::intervals::Random(3);
+        let points: Vec<(f64, f64)> = (0..40)
+            .map(|k| (0.1 * f64::from(k), 1e-3 * random.normal()))
+            .collect();
+        let fit = Polynomial::through(&points, true);
+        assert_eq!(fit.coefficients.len(), 4);
+        assert!(fit.at(2.0).abs() < 1e-3);
+    }
+
+    /// What a filter with a cutoff of 5 Hz makes of rows at these times, and the counts.
+    fn bridged(rows: &[LogRow]) -> (Vec<(f64, bool)>, Bridged) {
+        let bridging = Bridging::of(
+            Method::Butterworth {
+                order: 2,
+                cutoff: 5.0,
+            },
+            true,
+        );
+        let mut out = Vec::new();
+        let mut bridge = Bridge::new(
+            bridging.unwrap_or(Bridging {
+                longest: 0.0,
+                interpolates: true,
+                even: true,
+            }),
+            0.01,
+            1..2,
+        );
+        let mut each = |row: &LogRow, follows: bool| {
+            out.push((row.values[0], follows));
+            assert!((row.values[1] - row.values[0].sin()).abs() < 1e-6 && !row.values[1].is_nan());
+            Ok(())
+        };
+        let mut last: Option<f64> = None;
+        for row in rows {
+            let time = row.values[0];
+            let follows = last.is_some_and(|last| time - last < 0.015);
+            assert!(bridge.push(row, follows, &mut each).is_ok());
+            last = Some(time);
+        }
+        let counts = bridge.finish(&mut each);
+        (out, counts.unwrap_or_default())
+    }
+
+    fn row(k: usize) -> LogRow {
+        let time = 0.01 * k as f64;
+        LogRow {
+            line: k as u64,
+            values: vec![time, time.sin()],
+            bridged: false,
+        }
+    }
+
+    #[test]
+    fn missing_rows_are_put_in_at_even_times() {
+        let rows: Vec<LogRow> = (0..100)
+            .filter(|k| !(40..45).contains(k))
+            .map(row)
+            .collect();
+        let (out, counts) = bridged(&rows);
+        assert_eq!(
+            (out.len(), counts.count, counts.rows, counts.cuts),
+            (100, 1, 5, 0)
+        );
+        for (k, (time, follows)) in out.iter().enumerate() {
+            assert!((time - 0.01 * k as f64).abs() < 1e-12 && *follows == (k > 0));
+        }
+    }
+
+    #[test]
+    fn as_many_rows_behind_a_gap_as_a_polynomial_needs_continue_the_run() {
+        let with = |behind: usize| {
+            let rows: Vec<LogRow> = (0..45 + behind)
+                .filter(|k| !(40..45).contains(k))
+                .map(row)
+                .collect();
+            bridged(&rows).1
+        };
+        assert_eq!((with(MIN_SIDE).count, with(MIN_SIDE).cuts), (1, 0));
+        assert_eq!((with(MIN_SIDE - 1).count, with(MIN_SIDE - 1).cuts), (0, 1));
+    }
+}

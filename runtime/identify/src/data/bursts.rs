@@ -262,4 +262,48 @@ mod tests {
         };
         assert_eq!(both(start), (vec![], vec![]));
     }
+
+    #[test]
+    fn a_burst_is_found_if_the_calm_rows_behind_it_still_fit_into_the_memory() {
+        let burst = |length: usize| {
+            let mut finder = BurstFinder::default();
+            for k in 0..2500_usize {
+                let off = if (500..500 + length).contains(&k) {
+                    3.0
+                } else {
+                    0.0
+                };
+                finder.push(k as u64, 0.01 * k as f64, 0.02 * k as f64 + off);
+            }
+            finder.finish(0.02).0.len()
+        };
+        let most = MAX_ROWS - CALM - 1;
+        assert_eq!((burst(most), burst(most + 1)), (most, 0));
+    }
+
+    #[test]
+    fn rows_that_are_off_and_jumps_are_told_with_their_sizes() {
+        let finished = |off: &dyn Fn(usize) -> f64| {
+            let mut finder = BurstFinder::default();
+            for k in 0..1000_usize {
+                let noise = (k * 7919 % 1009) as f64 / 1009.0 - 0.5;
+                finder.push(
+                    k as u64,
+                    0.01 * k as f64,
+                    7.0 + 0.02 * k as f64 + 1e-4 * noise + off(k),
+                );
+            }
+            finder.finish(0.02)
+        };
+        let (rows, _) = finished(&|k| if (500..510).contains(&k) { 3.0 } else { 0.0 });
+        assert_eq!(rows.len(), 10);
+        for row in rows {
+            let around = 7.0 + 0.02 * row.line as f64;
+            assert!((row.around - around).abs() < 1e-2, "{row:?}");
+            assert!((row.value - around - 3.0).abs() < 1e-2, "{row:?}");
+        }
+        let (_, jumps) = finished(&|k| if k >= 600 { -3.0 } else { 0.0 });
+        assert_eq!(jumps.len(), 1);
+        assert!((jumps[0].by + 2.98).abs() < 1e-2, "{jumps:?}");
+    }
 }

@@ -742,4 +742,25 @@ mod tests {
         let limited = |row: usize| swinging(row).map(|x| x.clamp(-1.5, 1.5));
         assert_eq!(found(2000, limited), []);
     }
+
+    #[test]
+    fn steady_changes_are_smooth_and_alternating_ones_are_rough() {
+        assert!(roughness(&[&[2.0; 6], &[5.0; 6]]) <= 0.0);
+        assert!((roughness(&[&[1.0, -1.0, 1.0, -1.0]]) - 2.0).abs() < 1e-12);
+        assert!((roughness(&[&[1.0, 3.0, 2.0], &[]]) - 2.5_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_value_repeats_by_chance_at_least_as_if_it_had_done_so_once() {
+        let mut signal = Signal::default();
+        for k in 0..100 {
+            signal.push(f64::from(k * k));
+        }
+        let without = signal.chance();
+        assert!((without - 3.0 / 100.0).abs() < 1e-12, "{without}");
+        // a single repetition
+        signal.push(99.0 * 99.0);
+        signal.push(0.0);
+        assert!((signal.chance() - 6.0 / 102.0).abs() < 1e-12);
+    }
 }

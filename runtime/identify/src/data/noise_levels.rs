@@ -151,4 +151,16 @@ mod tests {
         );
         assert!(levels.density(10.0) <= 0.0);
     }
+
+    #[test]
+    fn a_signal_that_stands_still_most_of_the_time_has_the_noise_of_the_rest() {
+        let still: Vec<f64> = (0..4000)
+            .map(|k| if k % 400 == 399 { 1e-3 } else { 0.0 })
+            .collect();
+        // the tenth of the differences that are largest tells nothing of the others, which are 0
+        let levels = NoiseLevels::new(1e-3, &[still]);
+        let expected = 1e-6 / 400.0 * 1e-3;
+        let part = levels.density(300.0) / expected;
+        assert!((0.5..2.0).contains(&part), "{part}");
+    }
 }

@@ -418,4 +418,57 @@ mod tests {
         // degrees per second
         assert_eq!(of(&[57.3, 57.3]), None);
     }
+
+    fn pair(name: &str) -> super::Pair {
+        super::Pair {
+            name: name.to_owned(),
+            position: name.to_owned(),
+            velocity: format!("v{name}"),
+            factors: [1.0; 2],
+        }
+    }
+
+    /// What is said of velocities that are so many times the rates of two positions.
+    fn said(factors: [f64; 2]) -> Option<(String, Option<String>)> {
+        let mut rates = super::Rates::default();
+        for k in 0..3000 {
+            let t = 0.002 * f64::from(k);
+            let (a, b) = ((2.0 * t).sin_cos(), (3.1 * t).sin_cos());
+            let row = [
+                t,
+                a.0,
+                0.4 * b.0,
+                factors[0] * 2.0 * a.1,
+                factors[1] * 1.24 * b.1,
+            ];
+            rates.push(2, &row);
+        }
+        let pairs = [pair("q1"), pair("q2")];
+        let found = rates.judge(
+            &pairs,
+            "time",
+            super::VELOCITIES,
+            super::Strictness::Refused,
+        );
+        found.map(|own| (own.why, own.assignment))
+    }
+
+    #[test]
+    fn velocities_that_are_all_too_large_by_one_factor_tell_another_rate_of_the_rows() {
+        assert_eq!(said([1.0; 2]), None);
+        for factor in [4.0, 0.25] {
+            let (why, assignment) = said([factor; 2]).unwrap_or_default();
+            assert!(why.contains("the rate of the rows is another one"), "{why}");
+            assert_eq!(assignment, Some(format!("t=time*{}", 1.0 / factor)));
+        }
+        // in ms
+        let (why, _) = said([1e3; 2]).unwrap_or_default();
+        assert!(why.contains("looks like ms"), "{why}");
+        // of a single one, the velocity is wrong
+        let (why, assignment) = said([1.0, 4.0]).unwrap_or_default();
+        assert!(why.contains("`vq2` is 4.000 times"), "{why}");
+        assert_eq!(assignment.as_deref(), Some("qd_q2=vq2*0.25"));
+        let (why, _) = said([-1.0, 1.0]).unwrap_or_default();
+        assert!(why.contains("sign"), "{why}");
+    }
 }

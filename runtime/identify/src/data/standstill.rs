@@ -480,4 +480,34 @@ mod tests {
             assert!(rests.iter().all(|x| !x), "{step}");
         }
     }
+
+    #[test]
+    fn the_chosen_neighbours_give_accelerations_of_nearly_the_least_error() {
+        let step = 0.02;
+        let times = times(1500, step);
+        let mut worst: f64 = 0.0;
+        // slow and fast motion, from hardly any noise to much
+        for (w, k) in [7.0, 40.0]
+            .into_iter()
+            .flat_map(|w| (0..34).map(move |k| (w, k)))
+        {
+            let noise = 1e-8 * 1.6_f64.powi(k);
+            let mut random = crate::intervals::Random(5);
+            let values: Vec<f64> = times
+                .iter()
+                .map(|t| (w * t).sin() + noise * random.normal())
+                .collect();
+            let error = |neighbours: usize| {
+                let found = crate::signals::differences(&times, &values, neighbours).unwrap();
+                let rows = times.iter().zip(&found.acceleration).skip(10).take(1480);
+                rows.map(|(t, a)| (a + w * w * (w * t).sin()).powi(2))
+                    .sum::<f64>()
+            };
+            let errors = [1, 2, 3].map(error);
+            let least = errors.iter().fold(f64::INFINITY, |m: f64, own| m.min(*own));
+            let chosen = errors[encoder(&values).neighbours - 1];
+            worst = worst.max((chosen / least).sqrt());
+        }
+        assert!(worst < 1.15, "{worst}");
+    }
 }

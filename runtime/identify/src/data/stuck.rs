@@ -345,4 +345,25 @@ mod tests {
         assert!(smooth.encoder <= 0.0, "{smooth:?}");
         assert!(smooth.regular > 0.0, "{smooth:?}");
     }
+
+    #[test]
+    fn a_motion_that_turns_round_or_brakes_may_rest_until_the_log_ends() {
+        // turns round in the rows before it rests, which chatter does
+        let chatters = |k: usize| if k < 300 { swing(k) } else { swing(300) };
+        let chatter = |k: usize| {
+            let off = if (290..300).contains(&k) && k.is_multiple_of(2) {
+                0.1
+            } else {
+                0.0
+            };
+            chatters(k) + off
+        };
+        assert_eq!(found((0..500).map(chatter)), []);
+        // one that brakes: each change is half of the one before
+        let brakes = |k: usize| {
+            let rest = 0.1 * (1.0 - 0.5_f64.powf(k.clamp(100, 104) as f64 - 100.0));
+            swing(k.min(100)) - rest
+        };
+        assert_eq!(found((0..500).map(brakes)), []);
+    }
 }

@@ -285,3 +285,74 @@ fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {
     out.kept = Some(stretches);
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::fmt::Write as _;
+
+    use super::*;
+    use crate::data::Settings;
+    use crate::suspect::swings::{Swings, Written, swings};
+
+    /// A log of three joints with so many rows, 10 ms apart.
+    fn log(rows: usize, name: &str) -> Written {
+        let mut text = "t,q1,q2,q3,tau_q1,tau_q2,tau_q3\n".to_owned();
+        for k in 0..rows {
+            let t = 0.01 * k as f64;
+            let [a, b, c] = [1.3, 2.1, 0.9].map(|w| (w * t).sin());
+            let _ = writeln!(text, "{t},{a},{b},{c},{},{},{}", 2.0 * a, b - c, c + 1.0);
+        }
+        Written::new(name, &text)
+    }
+
+    fn opened<'m>(model: &'m Swings, log: &Written) -> Logs<'m, Swings> {
+        Logs::open(model, std::slice::from_ref(&log.0), &Settings::default()).unwrap()
+    }
+
+    #[test]
+    fn of_a_long_log_stretches_that_are_spread_over_it_are_kept() {
+        let model = swings(false);
+        let file = log(4000, "long");
+        let logs = opened(&model, &file);
+        let whole = logs.in_memory(4000).unwrap();
+        let stretches = |logs: &Logs<'_, Swings>| -> Vec<(f64, usize)> {
+            let kept = logs.files[0].kept.as_ref().unwrap();
+            kept.iter()
+                .map(|rows| (rows[0].values[0], rows.len()))
+                .collect()
+        };
+        assert_eq!(stretches(&whole), [(0.0, 4000)]);
+        let parts = stretches(&logs.in_memory(800).unwrap());
+        assert_eq!(parts.len(), PIECES);
+        for (k, (start, rows)) in parts.into_iter().enumerate() {
+            assert!(
+                (start - 5.0 * k as f64).abs() < 1e-9 && rows == 800 / PIECES,
+                "{start} {rows}"
+            );
+        }
+    }
+
+    #[test]
+    fn logs_in_memory_know_how_long_they_are_and_that_their_motion_is_differentiated() {
+        let model = swings(false);
+        let file = log(500, "short");
+        let logs = opened(&model, &file).in_memory(500).unwrap();
+        let [(step, length)] = logs.durations()[..] else {
+            panic!("one log");
+        };
+        assert!(
+            (step - 0.01).abs() < 1e-9 && (length - 5.0).abs() < 1e-6,
+            "{step} {length}"
+        );
+        assert!(logs.is_differentiated() && !logs.has_gaps());
+        // no velocities are measured that could be left out
+        assert!(logs.without_rates().is_none());
+        let positions = logs.positions().unwrap();
+        assert_eq!(
+            (positions[0].times.len(), positions[0].signals.len()),
+            (500, 3)
+        );
+    }
+}

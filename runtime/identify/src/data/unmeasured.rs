@@ -82,3 +82,55 @@ impl Unmeasured {
         own.fold(0.0, |most: f64, (_, x)| most.max(x))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use regen_runtime::{Arguments, Condition, Friction, Function, Info, Joint};
+
+    /// Two joints, and a drive with friction that turns by three times the first less the second.
+    struct Drive;
+
+    const WITH_FRICTION: Joint = Joint {
+        friction: Friction::Coulomb,
+        ..Joint::ROTATION
+    };
+
+    impl Model for Drive {
+        fn info(&self) -> Info<'_> {
+            Info {
+                coordinates: &["q1", "q2", "motor"],
+                independent: &[0, 1],
+                dependent: &[2],
+                actuated: &[0, 1],
+                home: &[0.0; 3],
+                joints: &[Joint::ROTATION, Joint::ROTATION, WITH_FRICTION],
+                ..Info::EMPTY
+            }
+        }
+
+        fn eval(
+            &self,
+            _: Function,
+            x: Arguments<'_, f64>,
+            out: &mut [f64],
+        ) -> Result<Condition<f64>, SizeError> {
+            out.copy_from_slice(&[x.qd_i[0], x.qd_i[1], 3.0 * x.qd_i[0] - x.qd_i[1]]);
+            Ok(Condition::regular(0.0))
+        }
+    }
+
+    #[test]
+    fn a_drive_that_is_not_measured_follows_the_measured_joints() {
+        let found = Unmeasured::all(&Drive, &[0, 1]).unwrap_or_default();
+        assert_eq!(found.len(), 1);
+        let own = &found[0];
+        assert_eq!(own.coordinate, 2);
+        assert!((own.combined(&[1.0, 0.0]) - 3.0).abs() < 1e-9);
+        assert!((own.combined(&[1.0, 4.0]) - 5.0).abs() < 1e-9);
+        assert!((own.largest([0.2, 0.7].into_iter()) - 0.7).abs() < 1e-12);
+        // one joint alone does not tell the drive's motion
+        assert_eq!(Unmeasured::all(&Drive, &[0]), Ok(Vec::new()));
+        assert_eq!(Unmeasured::all(&Drive, &[0, 1, 2]), Ok(Vec::new()));
+    }
+}

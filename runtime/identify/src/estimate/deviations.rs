@@ -668,4 +668,132 @@ mod tests {
         let added = (1..=100).filter(|seed| deviations(4, 0.0, *seed).between.is_some());
         assert!(added.count() <= 3);
     }
+
+    #[test]
+    fn what_is_told_of_runs_is_beyond_chance_with_one_degree_of_freedom_less_than_runs() {
+        let least = 1.0 + MIN_CHANCE * (2.0_f64 / 3.0).sqrt();
+        let told = (1..=200).filter_map(|seed| deviations(4, 0.012, seed).between);
+        let growths: Vec<f64> = told.map(|own| own.growth * own.growth).collect();
+        assert!(growths.len() > 20 && growths.iter().all(|own| *own > least));
+    }
+
+    #[test]
+    fn runs_of_few_independent_samples_are_not_compared() {
+        let mut scores = Scores::new(1, &[Autoregression::fit(0.01, &[0.0], 400)]);
+        for k in 0..400 {
+            if k % 100 == 0 {
+                scores.interrupt();
+            }
+            scores
+                .push(&[1.0], &[1.0], &[libm::sin(f64::from(k))], &[1.0])
+                .unwrap();
+        }
+        let mut blocks = scores.finish(&[0.0]).unwrap();
+        assert!(blocks.clusters().is_some_and(|own| own.1 == 4 && own.2));
+        blocks.memory = 19.0;
+        assert!(blocks.clusters().is_some());
+        blocks.memory = 21.0;
+        assert!(blocks.clusters().is_none());
+    }
+
+    /// The deviations of parameters beside so many sines in white noise.
+    fn fitted(rows: usize, parameters: usize) -> Deviations {
+        let mut random = Random(11);
+        let labels = (0..parameters).map(|k| k.to_string()).collect();
+        let mut factor = QrFactor::new(labels);
+        let row = |t: usize| -> Vec<f64> {
+            let wave = |k: usize| libm::sin((0.3 + 0.7 * k as f64) * t as f64);
+            (0..parameters).map(wave).collect()
+        };
+        let tau: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
+        for (t, tau) in tau.iter().enumerate() {
+            factor.push_block(&row(t), &[*tau]).unwrap();
+        }
+        let values = factor.solve().unwrap();
+        let noise = Autoregression::fit(1.0, &[0.0], rows);
+        let mut scores = Scores::new(parameters, &[noise]);
+        for (t, tau) in tau.iter().enumerate() {
+            let own: f64 = row(t).iter().zip(&values).map(|(w, x)| w * x).sum();
+            scores.push(&row(t), &[1.0], &[tau - own], &[1.0]).unwrap();
+        }
+        let all: Vec<usize> = (0..parameters).collect();
+        let blocks = scores.finish(&values).unwrap();
+        blocks.deviations(&factor, &all, &values, 1.0).unwrap()
+    }
+
+    #[test]
+    fn what_a_fit_takes_from_the_memory_of_its_residuals_makes_deviations_larger() {
+        let found = fitted(60, 20);
+        assert!(found.between.is_none());
+        for (whole, within) in found.covariance.iter().zip(found.within_runs()) {
+            assert!((whole / within - 1.125).abs() < 1e-9, "{whole} {within}");
+        }
+    }
+
+    #[test]
+    fn of_less_than_three_equations_for_two_parameters_no_value_is_known() {
+        let found = fitted(4, 3);
+        let diagonal = |matrix: &[f64]| (0..3).all(|k| matrix[4 * k].is_infinite());
+        assert!(diagonal(&found.covariance) && diagonal(found.root()));
+        assert!(fitted(40, 3).covariance.iter().all(|x| x.is_finite()));
+    }
+
+    #[test]
+    fn further_errors_are_in_the_covariance_and_in_what_is_drawn_from() {
+        let found = deviations(2, 0.0, 3);
+        let change = [0.02, -0.05];
+        let with = found.with_change(&change);
+        let drawn = |own: &Deviations, i: usize, j: usize| -> f64 {
+            let columns = own.root().chunks_exact(2);
+            columns.map(|column| column[i] * column[j]).sum()
+        };
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let more = change[i] * change[j];
+            let covariance = with.covariance[2 * j + i] - found.covariance[2 * j + i];
+            assert!((covariance - more).abs() < 1e-12, "{i} {j}");
+            let root = drawn(&with, i, j) - drawn(&found, i, j);
+            assert!((root - more).abs() < 1e-12, "{i} {j}");
+        }
+        // what sampling adds is told where it matters
+        let small: Vec<f64> = (0..2).map(|k| 0.1 * found.sigma(k)).collect();
+        assert_eq!(found.with_sampling(&[small]).1, "");
+        assert_eq!(
+            found.with_sampling(&[vec![0.0, found.sigma(1)]]).1,
+            SAMPLING
+        );
+    }
+
+    #[test]
+    fn a_covariance_that_is_none_is_drawn_from_without_correlations() {
+        assert_eq!(root_of(&[4.0, 9.0, 9.0, 9.0], 2), [2.0, 0.0, 0.0, 3.0]);
+    }
+
+    #[test]
+    fn scores_of_other_parameters_tell_the_same_after_the_step_to_an_estimate() {
+        let mut random = Random(2);
+        let rows: Vec<([f64; 2], f64)> = (0..300)
+            .map(|k| {
+                let row = [1.0, libm::sin(0.05 * f64::from(k))];
+                (row, 3.0 * row[0] - row[1] + random.normal())
+            })
+            .collect();
+        let mut factor = QrFactor::new(vec!["a".to_owned(), "b".to_owned()]);
+        for (row, y) in &rows {
+            factor.push_block(row, &[*y]).unwrap();
+        }
+        let values = factor.solve().unwrap();
+        let from = |start: [f64; 2]| {
+            let mut scores = Scores::new(2, &[Autoregression::fit(1.0, &[0.0], 300)]);
+            for (row, y) in &rows {
+                let residual = y - row[0] * start[0] - row[1] * start[1];
+                scores.push(row, &[1.0], &[residual], &[1.0]).unwrap();
+            }
+            let blocks = scores.finish(&start).unwrap();
+            blocks.deviations(&factor, &[0, 1], &values, 1.0).unwrap()
+        };
+        let (own, other) = (from([values[0], values[1]]), from([0.0, 5.0]));
+        for (a, b) in own.covariance.iter().zip(&other.covariance) {
+            assert!((a - b).abs() < 1e-9 * own.covariance[0], "{a} {b}");
+        }
+    }
 }

@@ -479,4 +479,15 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn the_independent_part_is_the_mean_of_that_of_the_efforts() {
+        let correlated = Autoregression::fit(1.0, &[0.8], 400);
+        let length = correlated.correlation_length();
+        let noise = [Autoregression::fit(1.0, &[0.0], 400), correlated];
+        let found = Scores::new(1, &noise).finish(&[0.0]);
+        let expected = 0.5 * (1.0 + 1.0 / length);
+        assert!(length > 2.0);
+        assert!(found.is_ok_and(|own| (own.independent_part / expected - 1.0).abs() < 1e-9));
+    }
 }

@@ -161,4 +161,39 @@ mod tests {
         assert!((covariance[5 * k + 5] - 9.0).abs() < 1e-9);
         assert!((covariance[6 * k + 6] - 1.0).abs() < 0.3);
     }
+
+    #[test]
+    fn a_covariance_is_the_same_in_other_units() {
+        let (k, terms) = (3, 12);
+        let mut random = Random(5);
+        let transforms = (0..terms).map(|_| (0..k).map(|_| random.normal()).collect());
+        let transforms: Vec<Vec<f64>> = transforms.collect();
+        let expected = [2.0, 0.5, 0.1, 0.5, 1.0, -0.3, 0.1, -0.3, 0.7];
+        let plain = shrunk(&transforms, &[1.0; 3], &expected, k).unwrap();
+        let units = [1e3, 1.0, 0.02];
+        let scaled = transforms
+            .iter()
+            .map(|x| x.iter().zip(units).map(|(x, u)| x * u).collect());
+        let scaled: Vec<Vec<f64>> = scaled.collect();
+        let of_units = |matrix: &[f64]| -> Vec<f64> {
+            (0..9)
+                .map(|at| matrix[at] * units[at / k] * units[at % k])
+                .collect()
+        };
+        let other = shrunk(&scaled, &[1.0; 3], &of_units(&expected), k).unwrap();
+        for (own, other) in of_units(&plain.covariance()).iter().zip(other.covariance()) {
+            assert!((own / other - 1.0).abs() < 1e-9, "{own} {other}");
+        }
+        // a matrix that is nearly the expected one stays between both
+        let found = covariance_of(&transforms, &[1.0; 3]);
+        let weight = plain.weight;
+        assert!((1e-6..=1.0).contains(&weight));
+        for a in 0..k {
+            let bounds = [found[4 * a], expected[4 * a]].map(|x| x / plain.covariance()[4 * a]);
+            assert!(
+                bounds.iter().all(|part| (0.2..5.0).contains(part)),
+                "{bounds:?}"
+            );
+        }
+    }
 }

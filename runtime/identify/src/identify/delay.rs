@@ -535,4 +535,89 @@ mod tests {
         assert!(!is_stated(7.9, 5.0) && is_stated(8.0, 5.0));
         assert!(!is_stated(3.4, 1000.0) && is_stated(3.6, 1000.0));
     }
+
+    #[test]
+    fn the_common_delay_is_the_weighted_mean_with_the_deviation_of_their_covariance() {
+        let one = |seconds: f64, sigma: f64| Delay {
+            effort: String::new(),
+            seconds,
+            sigma,
+            degrees_of_freedom: 9.0,
+            slower: None,
+        };
+        let both = [one(1e-3, 1e-4), one(4e-3, 2e-4)];
+        let covariance = |i: usize, j: usize| [[1e-8, 1e-8], [1e-8, 4e-8]][i][j];
+        let found = common(&both, &covariance);
+        // weights of 4 and 1
+        let sigma = ((16.0 + 8.0 + 4.0) * 1e-8_f64).sqrt() / 5.0;
+        assert!(found.is_some_and(|own| {
+            (own.seconds - 1.6e-3).abs() < 1e-12 && (own.sigma - sigma).abs() < 1e-12
+        }));
+        assert!(common(&[one(1.0, f64::INFINITY)], &|_, _| 1.0).is_none());
+    }
+
+    #[test]
+    fn a_delay_is_beyond_chance_by_its_deviations_and_beyond_error_where_it_matters() {
+        let own = |deviations: f64| Delay {
+            effort: String::new(),
+            seconds: -1e-4 * deviations,
+            sigma: 1e-4,
+            degrees_of_freedom: 100.0,
+            slower: None,
+        };
+        let most = CORRECTED_DEVIATIONS;
+        assert!(own(1.01 * most).may_be_more_than_chance());
+        assert!(!own(0.99 * most).may_be_more_than_chance());
+    }
+
+    #[test]
+    fn slower_motion_contradicts_a_delay_of_which_it_has_less_than_half() {
+        let own = |seconds: f64| Delay {
+            effort: "q1".to_owned(),
+            seconds,
+            sigma: 1e-4,
+            degrees_of_freedom: 100.0,
+            slower: None,
+        };
+        let all = |seconds: f64| Delays {
+            efforts: vec![own(seconds)],
+            ..Delays::default()
+        };
+        let slower = |seconds: f64, of_slower: f64| {
+            let mut fast = all(seconds);
+            fast.compare(&all(of_slower));
+            fast.efforts[0].slower
+        };
+        assert_eq!(slower(2e-3, 5e-4), Some(5e-4));
+        assert_eq!(slower(-2e-3, 1e-3), Some(1e-3));
+        assert_eq!(slower(2e-3, 1.5e-3), None);
+        // less than its error is none that could be contradicted
+        assert_eq!(slower(2e-4, -2e-3), None);
+    }
+
+    #[test]
+    fn delays_move_parameters_by_what_is_shared_with_their_columns() {
+        let rows: Vec<[f64; 2]> = (0..40)
+            .map(|k| {
+                let (s, c) = (0.3 * f64::from(k)).sin_cos();
+                [s, c + 0.5 * s]
+            })
+            .collect();
+        let delay = 0.3;
+        let of = |columns: usize| {
+            let labels = (0..columns).map(|k| k.to_string()).collect();
+            let mut factor = QrFactor::new(labels);
+            for row in &rows {
+                let tau = 2.0 * row[0] + delay * row[1];
+                assert!(factor.push_block(&row[..columns], &[tau]).is_ok());
+            }
+            factor
+        };
+        let without = of(1).solve().unwrap_or_default()[0];
+        let found = moved(&of(2), 1, &|_, _| 0.04, 0.5).unwrap_or_default();
+        let slope = (without - 2.0) / delay;
+        assert!((found.slopes[0][0] - slope).abs() < 1e-9);
+        assert!((found.errors[0][0].abs() - 0.2 * slope.abs()).abs() < 1e-9);
+        assert!((found.common[0] - 0.5 * slope).abs() < 1e-9);
+    }
 }

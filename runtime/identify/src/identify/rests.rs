@@ -69,17 +69,34 @@ fn effective_counts<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     efforts: usize,
 ) -> Result<Vec<f64>, S::Error> {
-    let mut sums = vec![[0.0; 2]; efforts];
+    let mut sums = vec![Weights::default(); efforts];
     replay.visit(&mut |equations| {
         for (sum, weight) in sums.iter_mut().zip(equations.weights) {
-            let square = weight * weight;
-            sum[0] += square;
-            sum[1] += square * square;
+            sum.push(*weight);
         }
         Ok(())
     })?;
-    let count = |[squares, fourth]: &[f64; 2]| squares * squares / fourth.max(f64::MIN_POSITIVE);
-    Ok(sums.iter().map(count).collect())
+    Ok(sums.iter().map(Weights::count).collect())
+}
+
+/// The weights of equations, as sums of their squares and of the squares of these.
+#[derive(Clone, Copy, Debug, Default)]
+struct Weights {
+    squares: f64,
+    fourth: f64,
+}
+
+impl Weights {
+    fn push(&mut self, weight: f64) {
+        let square = weight * weight;
+        self.squares += square;
+        self.fourth += square * square;
+    }
+
+    /// As how many equations of equal weight they count.
+    fn count(&self) -> f64 {
+        self.squares * self.squares / self.fourth.max(f64::MIN_POSITIVE)
+    }
 }
 
 /// The deviation of static friction, which is as likely anything up to Coulomb friction in both directions,
@@ -139,5 +156,23 @@ mod tests {
         assert!(ratio("Fv(q1)", 4e-3).abs() < 1e-12);
         // friction of one direction is
         assert!(ratio("Fc+(q1)", 4e-3) > 1.0);
+    }
+
+    #[test]
+    fn equations_of_small_weights_count_as_few() {
+        let count = |weights: &[(usize, f64)]| {
+            let mut sums = Weights::default();
+            for (times, weight) in weights {
+                (0..*times).for_each(|_| sums.push(*weight));
+            }
+            sums.count()
+        };
+        // the scale of all weights does not matter
+        for scale in [1e-3, 1.0, 40.0] {
+            assert!((count(&[(100, scale)]) - 100.0).abs() < 1e-9);
+            assert!((count(&[(100, scale), (50, 1e-3 * scale)]) - 100.0).abs() < 0.01);
+            let halves = count(&[(100, scale), (100, 0.5 * scale)]);
+            assert!((halves - 125.0 * 125.0 / 106.25).abs() < 1e-9, "{halves}");
+        }
     }
 }

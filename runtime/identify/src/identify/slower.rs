@@ -53,12 +53,22 @@ pub(super) fn delays_of_slower_motion<M: BaseModel<f64> + ?Sized, S: Source + ?S
 ) -> Option<Delays> {
     let (model, kind) = (replay.model(), replay.kind());
     let (source, columns) = replay.source_and_columns();
-    let mut filtering = source.filtering();
-    if filtering.smoothing.is_none() {
-        // the log passes only every so many samples already
-        filtering.decimation = 1;
-    }
-    filtering.smoothing = match filtering.smoothing {
+    let filtering = slower(source.filtering(), step);
+    let mut other = Refiltered { source, filtering };
+    let mut replay = Replay::with_columns(model, kind, &mut other, Box::new(columns)).shared(2);
+    let mut fit = DelayFit::new(&estimate.labels, &estimate.values, names, weights);
+    replay.visit(&mut |equations| fit.push(equations)).ok()?;
+    let mut scores = fit.finish(2 * bandwidth).ok()??;
+    replay.visit(&mut |equations| scores.push(equations)).ok()?;
+    let delays = scores.finish();
+    (!delays.efforts.is_empty()).then_some(delays)
+}
+
+/// The filter that leaves the slower half of the motion.
+///
+/// - `step`: the time between samples, s.
+fn slower(filtering: Filtering, step: f64) -> Filtering {
+    let smoothing = match filtering.smoothing {
         Smoothing::Butterworth { order, cutoff } => Smoothing::Butterworth {
             order,
             cutoff: 0.5 * cutoff,
@@ -70,12 +80,39 @@ pub(super) fn delays_of_slower_motion<M: BaseModel<f64> + ?Sized, S: Source + ?S
             half_width: HALF_WIDTH_SAMPLES * step,
         },
     };
-    let mut slower = Refiltered { source, filtering };
-    let mut replay = Replay::with_columns(model, kind, &mut slower, Box::new(columns)).shared(2);
-    let mut fit = DelayFit::new(&estimate.labels, &estimate.values, names, weights);
-    replay.visit(&mut |equations| fit.push(equations)).ok()?;
-    let mut scores = fit.finish(2 * bandwidth).ok()??;
-    replay.visit(&mut |equations| scores.push(equations)).ok()?;
-    let delays = scores.finish();
-    (!delays.efforts.is_empty()).then_some(delays)
+    Filtering {
+        smoothing,
+        decimation: if filtering.smoothing.is_none() {
+            // the log passes only every so many samples already
+            1
+        } else {
+            filtering.decimation
+        },
+        ..filtering
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::states::Standstill;
+
+    #[test]
+    fn half_of_the_motion_passes_the_slower_filter() {
+        let of = |smoothing: Smoothing| {
+            let filtering = Filtering {
+                smoothing,
+                decimation: 7,
+                standstill: Standstill::Drop,
+            };
+            let found = slower(filtering, 0.01);
+            (found.smoothing, found.decimation)
+        };
+        let butterworth = |cutoff: f64| Smoothing::Butterworth { order: 4, cutoff };
+        let local = |half_width: f64| Smoothing::Local { half_width };
+        assert_eq!(of(butterworth(20.0)), (butterworth(10.0), 7));
+        assert_eq!(of(local(0.03)), (local(0.06), 7));
+        // of equations that are not filtered all are used
+        assert_eq!(of(Smoothing::None), (local(0.08), 1));
+    }
 }

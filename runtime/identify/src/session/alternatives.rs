@@ -3,8 +3,8 @@
 use regen_runtime::BaseModel;
 
 use super::choice::{
-    BIAS_WEIGHT, Basis, KnownBias, ORDER, Search, Trial, all_errors, fitted, mean_square, rate_of,
-    trial,
+    BIAS_WEIGHT, Basis, KnownBias, ORDER, Search, Trial, all_errors, fitted, mean_square,
+    percent_of, rate_of, trial,
 };
 use super::motion_noise::{NoisyLogs, is_undetermined, rates};
 use super::{Session, SessionError};
@@ -59,7 +59,7 @@ pub(super) fn velocity_choice<M: BaseModel<f64> + ?Sized>(
     };
     let efforts = mean_square(&measured.factor);
     let (levels, rate) = (without.noise_levels(), rate_of(without));
-    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    let percent = |square: f64| percent_of(square, efforts);
     let mut best: Option<VelocityChoice> = None;
     let cutoffs = found.trials.iter().map(|own| own.cutoff);
     let mut lower: Vec<f64> = cutoffs.filter(|own| *own <= measured.cutoff).collect();
@@ -125,7 +125,7 @@ pub(super) fn loss_choice<M: BaseModel<f64> + ?Sized>(
         return Ok(None);
     }
     let efforts = mean_square(&squares.factor);
-    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    let percent = |square: f64| percent_of(square, efforts);
     Ok(Some(LossChoice {
         huber: (with_bound < ROBUST_BELOW * with_squares).then_some(HUBER_BOUND),
         squares: percent(with_squares),
@@ -142,6 +142,11 @@ pub(super) enum Lateness {
     Common,
     /// Some by themselves.
     Each,
+}
+
+/// Whether an effort may be late by this time, s.
+fn may_be(own: &Delay, seconds: f64) -> bool {
+    (own.seconds - seconds).abs() <= MAX_APART_DEVIATIONS * own.sigma
 }
 
 /// Which efforts have a delay with the chosen filter or series.
@@ -205,14 +210,12 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
         return Ok(Lateness::Each);
     }
     let is_common = common.as_ref().is_some_and(|all| {
-        let agrees =
-            |own: &Delay| (own.seconds - all.seconds).abs() <= MAX_APART_DEVIATIONS * own.sigma;
         let other = higher.as_ref().and_then(|own| own.common.as_ref());
         is_common_certain
             && other.is_none_or(|other| !all.is_contradicted_by(other))
             && all.slower.is_none()
             && is_long(all)
-            && each.iter().all(agrees)
+            && each.iter().all(|own| may_be(own, all.seconds))
     });
     Ok(if is_common {
         Lateness::Common
@@ -283,7 +286,7 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
         let least = own.variance / every as f64;
         if least > CLEARLY * below * other.sum() {
             let efforts = mean_square(&few.factor);
-            let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+            let percent = |square: f64| percent_of(square, efforts);
             return Ok(Some(SeriesChoice {
                 is_used: false,
                 filtered: Some(percent(other.sum())),
@@ -308,11 +311,30 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
         return Ok(None);
     }
     let efforts = mean_square(&series.factor);
-    let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+    let percent = |square: f64| percent_of(square, efforts);
     Ok(Some(SeriesChoice {
         is_used: with_series < below * with_filter,
         filtered: with_filter.is_finite().then(|| percent(with_filter)),
         series: percent(with_series),
         ..found
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effort_may_be_as_late_as_all_are_within_its_deviations() {
+        let own = |seconds: f64| Delay {
+            effort: "q1".to_owned(),
+            seconds,
+            sigma: 1e-4,
+            degrees_of_freedom: 100.0,
+            slower: None,
+        };
+        assert!(may_be(&own(2e-3), 2.2e-3) && may_be(&own(2e-3), 1.8e-3));
+        assert!(may_be(&own(-2e-3), -2.2e-3));
+        assert!(!may_be(&own(2e-3), 2.5e-3) && !may_be(&own(2e-3), -2e-3));
+    }
 }

@@ -27,7 +27,7 @@ use super::alternatives::{
 use super::delays::{settled_common_delay, settled_delays};
 use super::motion_noise::{NoisyLogs, is_undetermined, rates, size_of, weighted, whole};
 use super::{Session, SessionError};
-use crate::choice::{Candidate, Choice};
+use crate::choice::{Candidate, Choice, LossChoice, SeriesChoice};
 use crate::data::{DataError, Logs, NoiseLevels, Policy, Run, Settings};
 use crate::estimate::QrFactor;
 use crate::friction::with_linear_friction;
@@ -261,9 +261,7 @@ fn found<M: BaseModel<f64> + ?Sized>(
             ..session.with_reading(session.reading.clone())
         };
         let mut loss = loss_choice(&robust, &basis)?;
-        // what a filter makes of a wandering clock looks like outliers, which a series does not have
-        let series = choice.series.as_ref().filter(|own| own.is_used);
-        loss = loss.filter(|own| series.is_none_or(|series| own.bounded < series.series));
+        loss = loss.filter(|own| is_better_than_series(own, choice.series.as_ref()));
         if loss.is_some_and(|own| own.huber.is_some()) {
             basis.search = search(&robust, &basis.logs)?;
             if let Some(other) = basis.choice() {
@@ -277,6 +275,13 @@ fn found<M: BaseModel<f64> + ?Sized>(
         choice.loss = loss;
     }
     Ok(Some(choice))
+}
+
+/// Whether no series is used that leaves less unknown than the loss behind a filter: what a filter makes of a
+/// wandering clock looks like outliers, which a series does not have.
+fn is_better_than_series(loss: &LossChoice, series: Option<&SeriesChoice>) -> bool {
+    let used = series.filter(|own| own.is_used);
+    used.is_none_or(|series| loss.bounded < series.series)
 }
 
 /// Logs in memory, and the cutoffs that were tried on them.
@@ -336,7 +341,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
     fn choice(&self) -> Option<Choice> {
         let (cutoff, _) = self.search.chosen?;
         let efforts = mean_square(&self.trial()?.factor);
-        let percent = |square: f64| 100.0 * (square / efforts).sqrt();
+        let percent = |square: f64| percent_of(square, efforts);
         let pairs = self.search.trials.iter().zip(&self.search.errors);
         let finite = pairs.filter(|(_, own)| own.sum().is_finite());
         let candidates = finite.map(|(trial, own)| Candidate {
@@ -469,14 +474,7 @@ fn search<M: BaseModel<f64> + ?Sized>(
                 break;
             }
         }
-        let sum = |k: usize| {
-            errors
-                .get(k)
-                .map_or(f64::INFINITY, |own: &Errors| own.sum())
-        };
-        let last = sum(trials.len() - 1);
-        let is_hopeless = last.is_finite() && last > HOPELESS * sum(best);
-        if trials.len() > best + PATIENCE || is_hopeless && trials.len() > best + 1 {
+        if is_over(&errors, best) {
             break;
         }
     }
@@ -719,6 +717,16 @@ pub(super) fn moved_by_cutoff<M: BaseModel<f64> + ?Sized>(
         .then(|| pairs.map(|(own, other)| own - other).collect()))
 }
 
+/// Whether no cutoff above the last one is worth a trial.
+///
+/// - `best`: the index of the best one.
+fn is_over(errors: &[Errors], best: usize) -> bool {
+    let sum = |own: Option<&Errors>| own.map_or(f64::INFINITY, |own| own.sum());
+    let last = sum(errors.last());
+    let is_hopeless = last.is_finite() && last > HOPELESS * sum(errors.get(best));
+    errors.len() > best + PATIENCE || is_hopeless && errors.len() > best + 1
+}
+
 /// The index of the trial with the smallest error; of those that are nearly as good the first.
 fn lowest(errors: &[Errors]) -> usize {
     let mut best: Option<(usize, f64)> = None;
@@ -770,6 +778,11 @@ fn central(trials: &[Trial], errors: &[Errors]) -> Option<(f64, usize)> {
     }
 }
 
+/// The root of a mean square over that of the efforts, percent.
+pub(super) fn percent_of(square: f64, efforts: f64) -> f64 {
+    100.0 * (square / efforts).sqrt()
+}
+
 /// The mean square of the weighted efforts of a factor.
 pub(super) fn mean_square(factor: &QrFactor) -> f64 {
     let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
@@ -781,6 +794,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
+    use crate::suspect::swings::{swings, written};
 
     /// A trial of one parameter with this value, deviation and residuals.
     fn trial_of(cutoff: f64, value: f64, deviation: f64, residual: f64) -> Trial {
@@ -819,5 +833,141 @@ mod tests {
         let noisy = [trial_of(1.8, 1.0, 0.01, 0.1), trial_of(3.2, 5.0, 0.01, 0.3)];
         let errors = all_errors(&noisy, 0);
         assert!(errors[0].sum() < 1e-3 && errors[1].apart > 1.0);
+    }
+
+    #[test]
+    fn cutoffs_rise_evenly_from_one_bound_to_the_other() {
+        for (least, most) in [(0.01, 300.0), (0.2, 0.2), (1.7, 2.9)] {
+            let found = cutoffs(least, most);
+            assert!(
+                found.iter().all(|own| (least..=most).contains(own)),
+                "{found:?}"
+            );
+            let steps = found.windows(2).map(|pair| pair[1] / pair[0]);
+            assert!(
+                steps.clone().all(|step| (1.7..1.9).contains(&step)),
+                "{found:?}"
+            );
+        }
+        let all = cutoffs(0.01, 300.0);
+        assert!((all[0] - 0.01).abs() < 1e-12 && all[all.len() - 1] > 170.0);
+    }
+
+    #[test]
+    fn the_search_ends_behind_a_cutoff_that_is_far_worse_or_several_that_are_worse() {
+        let of = |sums: &[f64]| -> Vec<Errors> {
+            let one = |variance: &f64| Errors {
+                variance: *variance,
+                ..Errors::default()
+            };
+            sums.iter().map(one).collect()
+        };
+        assert!(!is_over(&of(&[4.0, 1.0]), 1));
+        assert!(!is_over(&of(&[4.0, 1.0, 2.0]), 1));
+        assert!(is_over(&of(&[4.0, 1.0, 2.0, 1.5]), 1));
+        assert!(is_over(&of(&[4.0, 1.0, 11.0]), 1));
+        // one that leaves too few equations says nothing
+        assert!(!is_over(&of(&[4.0, 1.0, f64::INFINITY]), 1));
+    }
+
+    #[test]
+    fn the_chosen_trial_is_the_one_closest_to_the_mean_cutoff() {
+        let trials = [1.0, 3.2, 10.0].map(|cutoff| trial_of(cutoff, 1.0, 0.1, 0.1));
+        let (cutoff, place) = central(&trials, &all_errors(&trials, 1)).unwrap();
+        assert!(
+            (cutoff / 3.2 - 1.0).abs() < 0.05 && place == 1,
+            "{cutoff} {place}"
+        );
+        // of exact equations too, which have no errors
+        let exact = [1.0, 3.2, 10.0].map(|cutoff| trial_of(cutoff, 1.0, 0.0, 0.1));
+        let (cutoff, place) = central(&exact, &all_errors(&exact, 1)).unwrap();
+        assert!(
+            (cutoff / 3.2 - 1.0).abs() < 0.05 && place == 1,
+            "{cutoff} {place}"
+        );
+    }
+
+    #[test]
+    fn a_difference_is_apart_beyond_what_deviations_and_biases_of_both_explain() {
+        let with = |value: f64, bias: f64| {
+            let mut own = trial_of(3.2, value, 0.01, 0.1);
+            own.bias = vec![vec![bias]];
+            own
+        };
+        let apart = |value: f64, bias: f64| {
+            let trials = [trial_of(1.8, 1.0, 0.01, 0.1), with(value, bias)];
+            all_errors(&trials, 0)[1].apart
+        };
+        // the square of the difference less four times the sum of the mean squares
+        let expected = 0.09 - CHANCE * (2.0 * 1e-4 + 0.01);
+        assert!((apart(1.3, 0.1) - expected).abs() < 1e-9);
+        assert!(apart(1.15, 0.1) <= 0.0 && apart(1.15, 0.0) > 0.02);
+    }
+
+    #[test]
+    fn a_part_of_the_efforts_is_a_root_of_mean_squares() {
+        assert!((percent_of(4.0, 100.0) - 20.0).abs() < 1e-12);
+        assert!((percent_of(225.0, 100.0) - 150.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_loss_is_weighed_against_a_series_that_is_used() {
+        let loss = LossChoice {
+            huber: Some(HUBER_BOUND),
+            squares: 3.0,
+            bounded: 2.0,
+        };
+        let series = |is_used: bool, series: f64| SeriesChoice {
+            frequency: 1.0,
+            harmonics: 3,
+            parts: Vec::new(),
+            is_used,
+            filtered: None,
+            series,
+        };
+        assert!(is_better_than_series(&loss, None));
+        assert!(is_better_than_series(&loss, Some(&series(true, 2.5))));
+        assert!(!is_better_than_series(&loss, Some(&series(true, 1.5))));
+        assert!(is_better_than_series(&loss, Some(&series(false, 1.5))));
+    }
+
+    #[test]
+    fn logs_are_read_as_they_are_unless_gaps_divide_them() {
+        let model = swings(false);
+        let whole = written("whole", 2000, 0.0, |_| true);
+        let reading = Settings {
+            method: Method::Central,
+            ..Settings::default()
+        };
+        let method = |runs: &[Run]| {
+            let (logs, rate) = opened(&model, runs, &reading).unwrap();
+            assert_eq!(rate, None);
+            logs.settings().method
+        };
+        assert_eq!(method(&[whole.0.clone().into()]), Method::Central);
+        let divided = written("divided", 2000, 0.0, |k| !(900..910).contains(&k));
+        assert_eq!(method(&[divided.0.clone().into()]), bridging());
+    }
+
+    #[test]
+    fn the_next_cutoff_is_that_of_the_trial_above_the_chosen_one() {
+        let model = swings(false);
+        let run = written("cutoffs", 500, 0.0, |_| true);
+        let logs = Logs::open(&model, std::slice::from_ref(&run.0), &Settings::default()).unwrap();
+        let of = |place: usize| {
+            let trials = [1.0, 3.2, 10.0].map(|cutoff| trial_of(cutoff, 1.0, 0.1, 0.1));
+            let basis = Basis {
+                logs: logs.in_memory(500).unwrap(),
+                resample: None,
+                search: Search {
+                    errors: all_errors(&trials, 1),
+                    trials: trials.into(),
+                    chosen: Some((3.0, place)),
+                },
+            };
+            (basis.trial().map(|own| own.cutoff), basis.higher_cutoff())
+        };
+        assert_eq!(of(1), (Some(3.2), Some(10.0)));
+        assert_eq!(of(2), (Some(10.0), None));
     }
 }

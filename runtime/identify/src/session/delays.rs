@@ -343,4 +343,65 @@ mod tests {
         // of a single one nothing follows for others
         assert_eq!(one_cause(&certain[..1]), None);
     }
+
+    #[test]
+    fn half_of_the_efforts_have_one_cause_for_their_delays_and_fewer_do_not() {
+        let with = |late: usize, uncertain: usize| {
+            let late = (0..late).map(|_| settled(1e-3, 0.0, 1e-5));
+            let rest = (0..uncertain).map(|_| settled(0.0, 2e-4, 4e-4));
+            one_cause(&late.chain(rest).collect::<Vec<_>>())
+        };
+        let is_found = |found: Option<f64>| found.is_some_and(|own| (own - 1e-3).abs() < 1e-9);
+        assert!(is_found(with(3, 3)) && is_found(with(4, 4)));
+        assert_eq!(with(3, 4), None);
+    }
+
+    #[test]
+    fn an_effort_agrees_with_a_delay_that_what_is_left_of_its_own_leads_to() {
+        assert!(settled(1e-3, 1e-3, 1e-4).agrees_with(2e-3));
+        assert!(!settled(1e-3, 1e-3, 1e-5).agrees_with(1e-3));
+        assert!(!settled(1e-3, -1e-3, 1e-5).agrees_with(2e-3));
+    }
+
+    #[test]
+    fn residuals_that_only_rounding_makes_larger_take_no_correction_back() {
+        let mut search = settled(0.0, 0.0, 1e-5);
+        assert!(search.advance(1.0, (1e-3, 1e-5), true));
+        assert!((search.tried - 1e-3).abs() < 1e-15);
+        assert!(!search.advance(1.0 + 0.5 * SLACK, (0.0, 1e-5), false));
+        assert!((search.best - 1e-3).abs() < 1e-15);
+    }
+
+    #[test]
+    fn efforts_that_are_late_are_corrected_by_their_delay_each() {
+        use crate::suspect::swings::{swings, written};
+        let model = swings(false);
+        let session = Session {
+            model: &model,
+            reading: crate::data::Settings {
+                method: crate::signals::Method::Butterworth {
+                    order: 4,
+                    cutoff: 10.0,
+                },
+                ..crate::data::Settings::default()
+            },
+            kind: EquationKind::Forces,
+            options: Options::default(),
+            confidence: 0.95,
+            watch: &super::super::Silent,
+        };
+        let late = written("late", 3000, 0.013, |_| true);
+        let found = settled_delays(&session, &[late.0.clone().into()]).unwrap_or_default();
+        let names: Vec<&str> = found.iter().map(|own| own.0.as_str()).collect();
+        assert_eq!(names, ["q1", "q2", "q3"], "{found:?}");
+        assert!(
+            found.iter().all(|own| (own.1 - 0.013).abs() < 1e-3),
+            "{found:?}"
+        );
+        let on_time = written("on-time", 3000, 0.0, |_| true);
+        assert_eq!(
+            settled_delays(&session, &[on_time.0.clone().into()]).unwrap_or_default(),
+            []
+        );
+    }
 }

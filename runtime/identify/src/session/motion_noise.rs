@@ -465,4 +465,37 @@ mod tests {
         );
         assert!(found.correction[1].abs() < 1e-9);
     }
+
+    #[test]
+    fn the_noise_that_is_added_is_subtracted_too() {
+        use crate::suspect::swings::{swings, written};
+        let model = swings(false);
+        let run = written("noise", 300, 0.0, |_| true);
+        let logs = Logs::open(
+            &model,
+            std::slice::from_ref(&run.0),
+            &crate::data::Settings::default(),
+        );
+        let logs = logs.and_then(|own| own.in_memory(300)).unwrap();
+        let mut noisy = NoisyLogs::new(&logs, &[Vec::new()], 10.0);
+        noisy.deviations = vec![vec![1e-2; 3]];
+        let positions = |own: &Logs<'_, _>| own.positions().unwrap()[0].signals.concat();
+        let plain = positions(&logs);
+        let mut seen = Vec::new();
+        let known = factor([1.0, 1.0]);
+        let found = noisy.bias(Some(&known), &[0.0; 4], |own| {
+            seen.push(positions(&own.logs));
+            Ok(known.clone())
+        });
+        assert!(found.is_ok() && seen.len() == 2);
+        let mut largest: f64 = 0.0;
+        for (k, x) in plain.iter().enumerate() {
+            assert!((0.5 * (seen[0][k] + seen[1][k]) - x).abs() < 1e-12);
+            largest = largest.max((seen[0][k] - x).abs());
+        }
+        assert!(
+            (0.5 * SCALE * 1e-2..5.0 * SCALE * 1e-2).contains(&largest),
+            "{largest}"
+        );
+    }
 }

@@ -69,6 +69,12 @@ fn difference(signals: &[&[f64]], whole: &[f64], lag: usize) -> Option<f64> {
     (count > 0.0 && moving >= MIN_VARIANCE * all).then(|| sum / count)
 }
 
+/// Whether a signal changes at all: the variance of a constant is not 0 where its mean is rounded.
+fn moves(values: &[f64]) -> bool {
+    let first = values.first();
+    first.is_some_and(|first| values.iter().any(|x| (x - first).abs() > 0.0))
+}
+
 fn variance(values: &[f64]) -> f64 {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -88,7 +94,7 @@ impl Repetition {
         let thin =
             |values: &&[f64]| -> Vec<f64> { values.iter().step_by(every).copied().collect() };
         let thinned: Vec<Vec<f64>> = signals.iter().map(thin).collect();
-        let moving = thinned.iter().filter(|values| variance(values) > 0.0);
+        let moving = thinned.iter().filter(|values| moves(values));
         let signals: Vec<&[f64]> = moving.map(Vec::as_slice).collect();
         let points = signals.first()?.len();
         let whole: Vec<f64> = signals.iter().map(|values| variance(values)).collect();
@@ -503,7 +509,7 @@ fn wandering(log: &Sampled, series: &Fourier) -> [f64; 2] {
 impl Sampled {
     /// The signals that move.
     fn moving(&self) -> Self {
-        let moving = self.signals.iter().filter(|x| variance(x) > 0.0);
+        let moving = self.signals.iter().filter(|x| moves(x));
         Self {
             times: self.times.clone(),
             signals: moving.cloned().collect(),
@@ -757,5 +763,167 @@ mod tests {
             *x += 1e-2 * random.normal();
         }
         assert_eq!(fitting_series(&[log]), None);
+    }
+
+    /// Two signals with harmonics up to the given one, at 0.2 Hz.
+    fn of_harmonics(harmonics: usize, rows: usize, step: f64) -> Sampled {
+        let mut random = crate::intervals::Random(9);
+        let times: Vec<f64> = (0..rows).map(|k| step * k as f64).collect();
+        let mut signal = |phase: f64| -> Vec<f64> {
+            let value = |t: &f64| {
+                let one = |j: usize| {
+                    let angle = core::f64::consts::TAU * 0.2 * j as f64 * t;
+                    (angle + phase * j as f64).sin() / (j * j) as f64
+                };
+                (1..=harmonics).map(one).sum::<f64>() + 1e-5 * random.normal()
+            };
+            times.iter().map(value).collect()
+        };
+        Sampled {
+            signals: vec![signal(0.3), signal(1.9)],
+            times,
+        }
+    }
+
+    #[test]
+    fn as_many_harmonics_are_found_as_a_motion_has() {
+        for harmonics in [1, 9, 23] {
+            let found = fitting_series(&[of_harmonics(harmonics, 4000, 0.01)]).unwrap();
+            assert_eq!(found.harmonics, harmonics);
+            assert!(
+                (found.frequency / 0.2 - 1.0).abs() < 1e-6,
+                "{}",
+                found.frequency
+            );
+            assert!(found.leaves_noise && found.parts.is_none());
+        }
+    }
+
+    #[test]
+    fn the_period_of_a_repetition_does_not_depend_on_sizes_or_on_signals_at_rest() {
+        let times: Vec<f64> = (0..1000).map(|k| 0.02 * f64::from(k)).collect();
+        let wave = |size: f64| -> Vec<f64> {
+            let angle = |t: &f64| core::f64::consts::TAU * t / 3.21;
+            times.iter().map(|t| size * angle(t).sin()).collect()
+        };
+        let still = vec![0.7; 1000];
+        for size in [1e-3, 1.0, 50.0] {
+            let own = wave(size);
+            for signals in [
+                vec![own.as_slice()],
+                vec![&still, &own],
+                vec![&own, &still, &still],
+            ] {
+                let found = Repetition::of_signals(&times, &signals).unwrap();
+                assert!((found.seconds / 3.21 - 1.0).abs() < 1e-4, "{found:?}");
+                assert!(found.difference < 1e-2, "{found:?}");
+            }
+        }
+        assert_eq!(Repetition::of_signals(&times, &[&still]), None);
+        // a ripple before and behind the only large motion is no period, whatever else is at rest
+        let ripple = |k: u32| libm::sin(core::f64::consts::TAU * f64::from(k) / 100.0);
+        let once = |k: u32| {
+            if (400..600).contains(&k) {
+                1.0
+            } else {
+                1e-3 * ripple(k)
+            }
+        };
+        let once: Vec<f64> = (0..1000).map(once).collect();
+        assert_eq!(Repetition::of_signals(&times, &[&once]), None);
+        assert_eq!(
+            Repetition::of_signals(&times, &[&once, &still, &still]),
+            None
+        );
+    }
+
+    #[test]
+    fn golden_section_finds_the_lowest_place_of_an_interval() {
+        for place in [-2.9, -1.3, 0.4, 2.0] {
+            let found = lowest([-3.0, 2.0], 40, |x| Some((x - place).powi(2))).unwrap();
+            assert!((found - place).abs() < 1e-6, "{found} {place}");
+        }
+        assert_eq!(lowest([0.0, 1.0], 5, |_| None), None);
+    }
+
+    #[test]
+    fn noise_between_harmonics_is_the_amplitude_that_white_noise_gives_a_harmonic() {
+        let log = sampled(0.01, 4000, 0.1);
+        let series = log.fitted(0.213_456, 8).unwrap().finish().unwrap();
+        // sqrt(4 / rows) times the deviation
+        let expected = 0.1 * (4.0_f64 / 4000.0).sqrt();
+        let found = log.noise_between(&series);
+        assert_eq!((found.len(), found[0].len()), (2, 8));
+        for own in found.iter().flatten() {
+            assert!((0.6..1.6).contains(&(own / expected)), "{own} {expected}");
+        }
+        for own in log.noise_ratios(&series) {
+            assert!((0.3..2.0).contains(&own), "{own}");
+        }
+        // noise at the frequencies of the motion is seen although it hardly changes from row to row
+        let mut slow = log.clone();
+        for (row, t) in log.times.iter().enumerate() {
+            let angle = core::f64::consts::TAU * 0.213_456 * 2.5 * t;
+            slow.signals[0][row] += 0.2 * (angle + 0.4).sin();
+        }
+        let series = slow.fitted(0.213_456, 8).unwrap().finish().unwrap();
+        let amplitude = slow.between(&series, &slow.left(&series))[0][2].sqrt();
+        assert!((amplitude / 0.2 - 1.0).abs() < 0.1, "{amplitude}");
+        assert!(slow.noise_ratios(&series)[0] > 10.0);
+    }
+
+    #[test]
+    fn what_a_clock_explains_is_no_noise_and_noise_is_not_explained_by_one() {
+        let series = {
+            let log = sampled(0.01, 3000, 0.0);
+            log.fitted(0.213_456, 6).unwrap().finish().unwrap()
+        };
+        // the signals of rows that are late by so much
+        let late = |by: &mut dyn FnMut(f64) -> f64| {
+            let mut log = sampled(0.01, 3000, 0.0);
+            for (row, time) in log.times.iter().enumerate() {
+                let at = series.all(time + by(*time));
+                for (signal, [q, ..]) in log.signals.iter_mut().zip(at) {
+                    signal[row] = q;
+                }
+            }
+            let [all, left] = wandering(&log, &series);
+            left / all
+        };
+        let noise = wandering(&sampled(0.01, 3000, 1e-3), &series);
+        assert!((0.9..1.1).contains(&(noise[1] / noise[0])), "{noise:?}");
+        let mut random = crate::intervals::Random(3);
+        let by_rows = late(&mut |_| 1e-3 * random.normal());
+        assert!(by_rows < 0.03, "{by_rows}");
+        let quickly = late(&mut |t| 1e-3 * libm::sin(25.0 * t));
+        assert!(quickly < 0.1, "{quickly}");
+        // what is late for whole periods is another motion
+        let slowly = late(&mut |t| 1e-3 * libm::sin(0.5 * t));
+        assert!(slowly > 0.9, "{slowly}");
+    }
+
+    #[test]
+    fn a_part_that_repeats_itself_is_the_same_at_any_speed() {
+        let starting = |slower: f64| {
+            let mut log = sampled(0.01, 2000, 1e-4);
+            for signal in &mut log.signals {
+                for (k, x) in signal.iter_mut().enumerate() {
+                    let start = (k as f64 / 300.0).clamp(0.0, 1.0);
+                    *x *= start * start * (3.0 - 2.0 * start);
+                }
+            }
+            log.times.iter_mut().for_each(|t| *t *= slower);
+            let found = fitting_series(&[log]).unwrap();
+            found.parts.unwrap()[0].map(|time| time / slower)
+        };
+        let own = starting(1.0);
+        assert!(
+            (3.0..3.6).contains(&own[0]) && (own[1] - 19.99).abs() < 1e-9,
+            "{own:?}"
+        );
+        for slower in [0.1, 30.0] {
+            let other = starting(slower);
+            assert!((own[0] - other[0]).abs() < 0.015, "{own:?} {other:?}");
+        }
     }
 }

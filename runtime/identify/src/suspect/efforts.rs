@@ -495,3 +495,107 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
         ..Change::none(count, 0)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::swings::{sample, swings, with};
+    use super::*;
+
+    fn grams_of(sample: &super::super::Sample) -> Grams {
+        Grams::of(&swings(true), sample, &Reading::plain(3), 1).unwrap()
+    }
+
+    #[test]
+    fn each_further_change_of_a_hypothesis_must_halve_the_errors() {
+        let grams = grams_of(&with(|s| s.efforts.swap(0, 2)));
+        let plain = Reading::plain(3);
+        let now = grams.fit(&plain, &[]).unwrap();
+        let all = candidates(&grams, &plain, &[], &[1.0; 3], &[], &now);
+        let mut exchanges = 0;
+        for own in all.iter().filter(|own| own.touched.len() == 2) {
+            let [k, l] = own.touched[..] else { continue };
+            assert_eq!((own.read[k].from, own.read[l].from), (l, k));
+            let is_turned = own.read[k].factor < 0.0 || own.read[l].factor < 0.0;
+            let changes = if is_turned { 3 } else { 2 };
+            assert!(
+                (own.needed - MIN_GAIN_PER_COLUMN.powi(changes)).abs() < 1e-12,
+                "{:?}",
+                own.read
+            );
+            exchanges += 1;
+        }
+        // the first and the last one with four signs, and each of them with the other
+        assert!(exchanges >= 4, "{exchanges}");
+    }
+
+    #[test]
+    fn hypotheses_name_the_efforts_that_they_change_and_none_is_tried_twice() {
+        let grams = grams_of(&sample());
+        let (plain, own) = (Reading::plain(3), [2.0, 5.0, 0.7]);
+        let now = grams.fit(&plain, &[]).unwrap();
+        let ordered = orders(&grams, &own);
+        // six orders with eight signs, without none and those of one sign
+        assert_eq!(ordered.len(), 44);
+        for (place, one) in ordered.iter().enumerate() {
+            assert!(ordered[..place].iter().all(|other| other.read != one.read));
+        }
+        let other = grams_of(&with(|s| s.efforts.swap(0, 2)));
+        let exchanged = candidates(
+            &other,
+            &plain,
+            &[],
+            &own,
+            &[],
+            &other.fit(&plain, &[]).unwrap(),
+        );
+        assert!(exchanged.iter().any(|one| one.read[0].from == 2));
+        let all = candidates(&grams, &plain, &[], &own, &[], &now);
+        let all = ordered.iter().chain(&all).chain(&exchanged);
+        for one in all {
+            for k in 0..3 {
+                let is_changed = one.read[k] != plain[k] || one.offsets.contains(&k);
+                assert_eq!(one.touched.contains(&k), is_changed, "{:?}", one.read);
+                let read = one.read[k];
+                let of_motors = own[k] / own[read.from];
+                assert!(read.from == k || (read.factor.abs() / of_motors - 1.0).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn factors_of_units_are_those_with_which_the_equations_agree() {
+        let scaled = with(|s| s.efforts[1] *= 1e3);
+        let found = of_units(&grams_of(&scaled), &[1.0; 3]);
+        let is_found = found.iter().any(|own| {
+            (own.read[1].factor - 1e-3).abs() < 1e-12 && own.read[0] == Reading::plain(3)[0]
+        });
+        assert!(is_found && !found.is_empty());
+        assert!(
+            of_units(&grams_of(&sample()), &[1.0; 3])
+                .iter()
+                .all(|own| own.touched != [1])
+        );
+    }
+
+    #[test]
+    fn units_are_told_apart_from_the_torque_constants_of_exchanged_columns() {
+        let own = [2.0, 5.0, 0.7];
+        // the columns of the first and the last joint are exchanged, and one is in mA
+        let mistaken = with(|s| {
+            let [first, last] = [s.efforts[0], s.efforts[2]];
+            s.efforts[0] = own[0] * 1e3 * last / own[2];
+            s.efforts[2] = own[2] * first / own[0];
+        });
+        let found = of_units(&grams_of(&mistaken), &own);
+        let is_right = |one: &Candidate| {
+            let factors = [own[0] / own[2], 1.0, 1e-3 * own[2] / own[0]];
+            let mut pairs = one.read.iter().zip([2, 1, 0]).zip(factors);
+            pairs.all(|((read, from), factor)| {
+                read.from == from && (read.factor / factor - 1.0).abs() < 1e-9
+            })
+        };
+        assert!(found.iter().any(is_right));
+    }
+}

@@ -242,3 +242,37 @@ fn opposite(parameter: Parameter<'_>) -> Option<Parameter<'_>> {
     };
     Some(Parameter::new(Symbol::Friction(symbol), parameter.owner))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::swings::{sample, swings};
+    use super::*;
+
+    #[test]
+    fn friction_that_drives_one_way_is_an_offset_of_half_the_difference() {
+        let mut model = swings(false);
+        model.parameters[5] = Parameter::new(Symbol::Friction("Fc+"), "q2");
+        model.parameters[6] = Parameter::new(Symbol::Friction("Fc-"), "q2");
+        let plain = Reading::plain(3);
+        let grams = Grams::of(&model, &sample(), &plain, 1);
+        let Some((grams, now)) = grams.and_then(|own| own.fit(&plain, &[]).map(|fit| (own, fit)))
+        else {
+            panic!("no fit");
+        };
+        let of = |forward: f64, back: f64| {
+            let values = [0.5, 0.3, 0.4, 0.6, 0.2, forward, back];
+            let sigmas = [0.01, 0.01, 0.01, 0.01, 0.01, 0.02, 0.06];
+            shifts(&model, &grams, &now, &values, &sigmas)
+        };
+        let found = of(3.0, -2.0);
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].effort, found[0].friction), (1, [3.0, -2.0]));
+        assert!((found[0].offset - 2.5).abs() < 1e-12 && (found[0].sigma - 0.04).abs() < 1e-12);
+        let other = of(-2.0, 3.0);
+        assert!(other.len() == 1 && (other[0].offset + 2.5).abs() < 1e-12);
+        // friction that brakes both ways, or drives both ways, is no offset
+        assert_eq!(of(3.0, 2.0), []);
+        assert_eq!(of(-3.0, -2.0), []);
+        assert_eq!(of(1.0, -2.0), []);
+    }
+}

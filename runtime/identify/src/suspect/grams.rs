@@ -761,3 +761,83 @@ pub(super) fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
     }
     x.iter().all(|x| x.is_finite()).then_some(x)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::swings::{sample, swings, with};
+    use super::*;
+
+    #[test]
+    fn normal_equations_are_solved_whatever_the_units_of_their_unknowns_are() {
+        let rows = [
+            [2.0, 0.3, -1.0],
+            [0.5, 1.5, 0.2],
+            [-0.7, 0.4, 3.0],
+            [1.0, 1.0, 1.0],
+        ];
+        let (units, expected) = ([1e3, 1.0, 1e-4], [5e-4, -2.0, 4e4]);
+        let (mut gram, mut right) = (vec![0.0; 9], vec![0.0; 3]);
+        for row in rows {
+            let row: Vec<f64> = row.iter().zip(units).map(|(w, u)| w * u).collect();
+            let y: f64 = row.iter().zip(expected).map(|(w, x)| w * x).sum();
+            for a in 0..3 {
+                right[a] += row[a] * y;
+                for b in 0..=a {
+                    gram[3 * a + b] += row[a] * row[b];
+                }
+            }
+        }
+        let found = solve(&mut gram, &right).unwrap_or_default();
+        assert_eq!(found.len(), 3);
+        for (own, expected) in found.iter().zip(expected) {
+            assert!((own / expected - 1.0).abs() < 1e-6, "{found:?}");
+        }
+        // a column of zeros has the value 0
+        let of_zeros = solve(&mut [4.0, 0.0, 0.0, 0.0], &[8.0, 0.0]).unwrap_or_default();
+        assert!((of_zeros[0] - 2.0).abs() < 1e-9 && of_zeros[1].abs() <= 0.0);
+    }
+
+    #[test]
+    fn a_coordinate_that_hardly_moves_has_the_spread_of_its_kind() {
+        let moved = with(|s| {
+            s.motion[0] = vec![7.0 + (2.0 * s.time).sin(), -3.0, 0.4];
+        });
+        let model = swings(false);
+        let found = spreads(&model, &moved, &Reading::plain(3));
+        let deviation = 0.5_f64.sqrt();
+        assert!((found[0] / deviation - 1.0).abs() < 0.05, "{found:?}");
+        assert!(
+            (found[1] / (MIN_SPREAD * found[0]) - 1.0).abs() < 1e-9,
+            "{found:?}"
+        );
+        // no other one slides
+        assert!(found[2] < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn an_effort_that_is_zero_is_explained_by_nothing() {
+        let model = swings(false);
+        let of = |sample: &Sample| Grams::of(&model, sample, &Reading::plain(3), 1);
+        let usual = of(&sample()).and_then(|own| own.error_of(1, 1));
+        assert!(usual.is_some_and(|error| error < 0.05), "{usual:?}");
+        let zero = of(&with(|s| s.efforts[1] = 0.0)).and_then(|own| own.error_of(1, 1));
+        assert_eq!(zero, None);
+    }
+
+    #[test]
+    fn equations_that_share_a_parameter_tell_the_factors_of_their_efforts() {
+        let model = swings(false);
+        let scaled = with(|s| {
+            s.efforts[1] *= 10.0;
+            s.efforts[2] = -3.0 * s.efforts[2] + 1.0;
+        });
+        let found = Grams::of(&model, &scaled, &Reading::plain(3), 1);
+        let found = found
+            .and_then(|own| own.factors(&[0, 1, 2], 0))
+            .unwrap_or_default();
+        for (own, expected) in found.iter().zip([1.0, 0.1, -1.0 / 3.0]) {
+            assert!((own / expected - 1.0).abs() < 0.05, "{found:?}");
+        }
+        assert_eq!(found.len(), 3);
+    }
+}

@@ -697,3 +697,90 @@ fn negative_inertias<M: BaseModel<f64> + ?Sized>(
         .filter_map(|(k, _)| independent.get(k).copied())
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::swings::{Swings, sample, swings, with};
+    use super::*;
+
+    fn columns(model: &Swings) -> LogColumns<'_, Swings> {
+        LogColumns {
+            file: "log.csv",
+            given: &[],
+            model,
+        }
+    }
+
+    #[test]
+    fn inertias_that_are_negative_beyond_their_deviations_are_told() {
+        let model = swings(false);
+        let sigmas = [0.01; 7];
+        let light = |second: f64| {
+            let values = [0.5, second, 0.4, 0.6, 0.2, 0.1, -0.15];
+            negative_inertias(&model, &values, &sigmas)
+        };
+        assert_eq!(light(-0.3), [1]);
+        assert_eq!(light(0.3), [0; 0]);
+        // it may be by chance
+        assert_eq!(light(-0.005), [0; 0]);
+    }
+
+    #[test]
+    fn efforts_and_positions_that_are_copies_are_named() {
+        let model = swings(false);
+        let first = |of: &Sample| {
+            let found = suspicions(&columns(&model), of, None, &mut |_, _| {});
+            found
+                .first()
+                .map(|own| own.what.clone())
+                .unwrap_or_default()
+        };
+        assert_eq!(first(&sample()), "");
+        assert_eq!(
+            first(&with(|s| s.efforts[2] = s.efforts[0])),
+            "columns `tau_q1` and `tau_q3` have the same values in all rows"
+        );
+        assert_eq!(
+            first(&with(|s| s.motion[0][1] = s.motion[0][0])),
+            "columns `q1` and `q2` have the same values in all rows"
+        );
+        assert_eq!(
+            first(&with(|s| s.efforts[1] = 3.0)),
+            "column `tau_q2` is the same in all rows: this effort is not measured"
+        );
+    }
+
+    #[test]
+    fn efforts_have_one_unit_unless_one_of_them_agrees_with_the_bodies() {
+        let model = swings(true);
+        let read = |factors: &[f64]| -> Vec<(String, f64)> {
+            let one = |(effort, factor): (usize, &f64)| Nominal {
+                equation: effort,
+                effort,
+                correlation: 0.99,
+                factor: *factor,
+                part: 0.9,
+            };
+            let findings = Findings {
+                nominal: factors.iter().enumerate().map(one).collect(),
+                ..Findings::default()
+            };
+            let found = against_nominal(&columns(&model), &findings);
+            let columns = found.into_iter().flat_map(|own| match own.remedy {
+                Remedy::Read { columns, .. } => columns,
+                _ => Vec::new(),
+            });
+            columns.map(|own| (own.column, own.factor)).collect()
+        };
+        let milli = |name: &str| (name.to_owned(), 1e-3);
+        assert_eq!(read(&[1.0, 1.1, 0.9]), []);
+        // all, though the third is not compared
+        assert_eq!(
+            read(&[980.0, 1020.0]),
+            ["tau_q1", "tau_q2", "tau_q3"].map(milli)
+        );
+        assert_eq!(read(&[980.0, 1.1, 1020.0]), ["tau_q1", "tau_q3"].map(milli));
+        assert_eq!(read(&[1.0, 1000.0, 1.0]), [milli("tau_q2")]);
+        assert_eq!(read(&[1.0, 8.0, 1.0]), [("tau_q2".to_owned(), 0.125)]);
+    }
+}

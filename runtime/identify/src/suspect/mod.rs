@@ -13,6 +13,8 @@ mod far;
 mod grams;
 mod judge;
 mod positions;
+#[cfg(test)]
+pub(crate) mod swings;
 mod trial;
 mod unknowns;
 mod words;
@@ -396,6 +398,12 @@ fn without_far<M: BaseModel<f64> + ?Sized>(
     // the search goes on with what is explained better
     (quality(&now.errors) > MIN_GAIN_OF_REST * quality(&fit.errors))
         .then_some((efforts, rest, others))
+}
+
+/// The number of states that give as many equations for each parameter as are needed at least.
+fn least_states<M: BaseModel<f64> + ?Sized>(model: &M) -> usize {
+    let columns = model.base_info().base.len();
+    (MIN_EQUATIONS_PER_PARAMETER * columns).div_ceil(model.info().dof().max(1))
 }
 
 /// The largest error.

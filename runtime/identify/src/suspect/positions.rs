@@ -4,9 +4,8 @@
 use super::grams::{Fit, Grams, MAX_STEPS};
 use super::unknowns::log_errors;
 use super::{
-    Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_DOUBTED_ERROR,
-    MIN_EQUATIONS_PER_PARAMETER, MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR,
-    implausible_count, quality, worst,
+    Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_DOUBTED_ERROR, MIN_GAIN_PER_COLUMN,
+    Reading, Sample, UNEXPLAINED_ERROR, implausible_count, least_states, quality, worst,
 };
 use crate::states::{Completed, Completion};
 use regen_runtime::{BaseModel, Motion};
@@ -171,8 +170,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut positions = Reading::plain(sample.measured.len());
     let mut read = plain.clone();
     let all = candidates(model, sample, own, &positions, &read).len();
-    let least =
-        (MIN_EQUATIONS_PER_PARAMETER * model.base_info().base.len()).div_ceil(info.dof().max(1));
+    let least = least_states(model);
     let states = (3 * sample.whole / all.max(1))
         .clamp(least.max(MIN_STATES), MAX_POSITION_STATES.max(least));
     let every = (sample.states.len() / states.max(1)).max(1);
@@ -623,4 +621,88 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::swings::{sample, swings, with};
+    use super::*;
+
+    #[test]
+    fn hypotheses_on_positions_take_the_efforts_of_their_joints_with_them() {
+        let (model, own) = (swings(true), [2.0, 5.0, 0.7]);
+        let plain = Reading::plain(3);
+        let all = candidates(&model, &sample(), &own, &plain, &plain);
+        let degree = core::f64::consts::PI / 180.0;
+        let (mut scaled, mut turned, mut exchanged) = (Vec::new(), 0, 0);
+        for candidate in &all {
+            let changed = (0..3).filter(|k| candidate.positions[*k] != plain[*k]);
+            let changed: Vec<usize> = changed.collect();
+            let kinds = changed.iter().filter(|k| **k == 2).count();
+            for k in &changed {
+                let (position, effort) = (candidate.positions[*k], candidate.efforts[*k]);
+                if position.from != *k && effort.from != *k {
+                    exchanged += 1;
+                    assert_eq!(position.from, effort.from);
+                    assert!((effort.factor - own[*k] / own[effort.from]).abs() < 1e-12);
+                } else if position.factor < 0.0 {
+                    turned += 1;
+                    assert!((position.factor + 1.0).abs() + (effort.factor + 1.0).abs() < 1e-12);
+                } else if position.from == *k {
+                    let unit = if *k == 2 { 1e-3 } else { degree };
+                    assert!((position.factor / unit - 1.0).abs() < 1e-12);
+                    assert!(kinds == 0 || kinds == changed.len());
+                    assert_eq!(effort, plain[*k]);
+                }
+            }
+            if changed
+                .iter()
+                .all(|k| (0.0..1.0).contains(&candidate.positions[*k].factor))
+            {
+                scaled.push(changed);
+            }
+        }
+        // both rotations, the slide, and each alone
+        assert_eq!(scaled, [vec![0, 1], vec![2], vec![0], vec![1], vec![2]]);
+        assert_eq!((turned, exchanged), (3, 2));
+    }
+
+    #[test]
+    fn a_position_is_mirrored_if_most_rows_are_within_limits_only_with_the_other_sign() {
+        let mut model = swings(false);
+        model.joints[0].limits.position = Some([0.5, 3.0]);
+        let is = |q: fn(f64) -> f64| {
+            let moved = with(|s| s.motion[0][0] = q(s.time / 8.0));
+            is_mirrored(&model, &moved, 0)
+        };
+        assert!(is(|part| -1.0 - part) && !is(|part| 1.0 + part));
+        // a few rows beyond, which may be noise
+        assert!(is(|part| if part < 0.3 { 0.0 } else { -1.0 }));
+        assert!(!is(|part| if part < 0.7 { 0.0 } else { -1.0 }));
+        assert!(!is_mirrored(&model, &sample(), 1));
+    }
+
+    #[test]
+    fn positions_that_are_all_mirrored_are_turned_together_with_their_efforts() {
+        let mut model = swings(false);
+        for joint in model.joints.iter_mut().take(2) {
+            joint.limits.position = Some([0.5, 3.0]);
+        }
+        let moved = with(|s| {
+            let q = -1.0 - (2.0 * s.time).sin().powi(2);
+            s.motion[0][..2].fill(q);
+        });
+        let plain = Reading::plain(3);
+        let all = candidates(&model, &moved, &[1.0; 3], &plain, &plain);
+        let factors =
+            |read: &[Reading]| -> Vec<f64> { read.iter().map(|own| own.factor).collect() };
+        let together = all
+            .iter()
+            .filter(|own| own.touched == 2 && own.positions[0].from == 0);
+        let together: Vec<_> = together
+            .map(|own| (factors(&own.positions), factors(&own.efforts)))
+            .collect();
+        let turned = vec![-1.0, -1.0, 1.0];
+        assert_eq!(together, [(turned.clone(), turned)]);
+    }
 }

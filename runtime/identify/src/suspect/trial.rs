@@ -4,8 +4,8 @@
 use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
 use super::{
-    EffortChange, MIN_DOUBTED_ERROR, MIN_EQUATIONS_PER_PARAMETER, Reading, Remedy, STATES, Sample,
-    Suspicion, implausible_count, quality,
+    EffortChange, MIN_DOUBTED_ERROR, Reading, Remedy, STATES, Sample, Suspicion, implausible_count,
+    least_states, quality,
 };
 use regen_runtime::BaseModel;
 
@@ -54,14 +54,8 @@ pub fn trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<T
 
 /// As [`trial`], with few states: enough to see whether it is worth one with all.
 pub fn short_trial<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Option<Trial> {
-    let (columns, dof) = (model.base_info().base.len(), model.info().dof());
-    let least = (MIN_EQUATIONS_PER_PARAMETER * columns).div_ceil(dof.max(1));
-    of(
-        model,
-        sample,
-        &grams(model, sample, FEW_STATES.max(least))?,
-        &[],
-    )
+    let states = FEW_STATES.max(least_states(model));
+    of(model, sample, &grams(model, sample, states)?, &[])
 }
 
 fn grams<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, states: usize) -> Option<Grams> {
@@ -265,4 +259,81 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
     );
     let advice = format!("Give {} `offset: true` in the spec", joints.join(" and "));
     Some((columns.other_spec(what, &before, &now, advice), now))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::swings::{swings, with};
+    use super::*;
+
+    fn of_errors(error: f64, nominal: f64, correlation: f64, implausible: usize) -> Trial {
+        Trial {
+            errors: vec![error, 0.01],
+            nominal: vec![nominal, 0.1],
+            correlation,
+            implausible,
+        }
+    }
+
+    #[test]
+    fn a_log_is_doubtful_by_errors_that_are_no_noise_signs_or_nominal_bodies() {
+        assert!(!of_errors(0.01, 0.1, 0.9, 0).is_doubtful());
+        assert!(of_errors(0.2, 0.1, 0.9, 0).is_doubtful());
+        assert!(!of_errors(0.2, 0.1, 0.1, 0).is_doubtful());
+        assert!(of_errors(0.01, 0.1, 0.1, 1).is_doubtful());
+        assert!(of_errors(0.01, 0.9, 0.1, 0).is_doubtful());
+    }
+
+    #[test]
+    fn a_change_gains_by_half_the_errors_or_by_what_the_nominal_bodies_explain() {
+        let gain = |after: &Trial, before: &Trial| after.gain_over(before);
+        let before = of_errors(0.4, 0.4, 0.9, 0);
+        let half = gain(&of_errors(0.1, 0.4, 0.9, 0), &before).unwrap();
+        assert!((half - 4.0).abs() < 1e-9);
+        assert_eq!(gain(&of_errors(0.35, 0.4, 0.9, 0), &before), None);
+        // less is enough if what was negative is not any more
+        let negative = of_errors(0.4, 0.4, 0.9, 1);
+        assert!(gain(&of_errors(0.28, 0.4, 0.9, 0), &negative).is_some());
+        assert_eq!(gain(&of_errors(0.28, 0.4, 0.9, 0), &before), None);
+        // the same errors, which the nominal bodies explain only so
+        let unexplained = of_errors(0.4, 2.0, 0.9, 0);
+        let explained = gain(&of_errors(0.4, 0.2, 0.9, 0), &unexplained).unwrap();
+        assert!((explained - 10.0).abs() < 1e-9);
+        assert_eq!(gain(&of_errors(0.4, 1.0, 0.9, 0), &unexplained), None);
+        // bodies that fitted before are not those of another gravity
+        assert_eq!(
+            gain(&of_errors(0.1, 2.0, 0.9, 0), &of_errors(0.4, 0.2, 0.9, 0)),
+            None
+        );
+        assert!((before.worst() - 40.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_weight_that_is_missing_is_told_with_what_the_bodies_leave_of_the_effort() {
+        let model = swings(true);
+        let sample = with(|s| s.efforts[1] -= 6.0);
+        let columns = LogColumns {
+            file: "log.csv",
+            given: &[],
+            model: &model,
+        };
+        let before = trial(&model, &sample).unwrap();
+        let (found, after) = weightless(&columns, &sample).unwrap();
+        let left = |own: &Trial| 100.0 * own.nominal.iter().fold(0.0, |m: f64, e| m.max(*e));
+        let (with, without) = (left(&after), left(&before));
+        assert!(with < 20.0 && without > 80.0, "{with} {without}");
+        let words = format!("at most {with:.0} % of an effort, and {without:.0} % without it");
+        assert!(
+            found.what.contains("`tau_q2`") && found.what.contains(&words),
+            "{}",
+            found.what
+        );
+        assert!(weightless(&columns, &with_nothing()).is_none());
+    }
+
+    fn with_nothing() -> Sample {
+        with(|_| {})
+    }
 }

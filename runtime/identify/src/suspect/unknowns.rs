@@ -8,7 +8,7 @@ use core::cell::Cell;
 
 use super::{
     Change, DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample,
-    implausible_count,
+    implausible_count, least_states,
 };
 use regen_runtime::{BaseModel, Motion};
 
@@ -97,8 +97,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     grams: &Grams,
     now: &Fit,
 ) -> Option<Change> {
-    let dof = model.info().dof().max(1);
-    let least = (super::MIN_EQUATIONS_PER_PARAMETER * grams.columns()).div_ceil(dof);
+    let least = least_states(model);
     if sample.states.len() < least {
         return None;
     }
@@ -576,4 +575,100 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::swings::{Swings, sample_of, swings};
+    use super::*;
+
+    /// A constant in an effort of so many noisy states, some of more: by how much more likely it makes them, and
+    /// what is found.
+    fn constant(
+        model: &Swings,
+        (states, every): (u32, usize),
+        value: f64,
+    ) -> (f64, f64, bool, Option<Change>) {
+        let mut sample = sample_of(states, 1.0);
+        sample.states = sample.states.into_iter().step_by(every).collect();
+        sample.states.iter_mut().for_each(|s| s.efforts[1] += value);
+        let plain = Reading::plain(3);
+        let grams = Grams::of(model, &sample, &plain, 1).unwrap();
+        let now = grams.fit(&plain, &[]).unwrap();
+        let all = Search {
+            model,
+            sample: &sample,
+            every: 1,
+            left: Cell::new(usize::MAX),
+        };
+        let none = all.of(Vec::new()).unwrap();
+        let own = all.settled(all.of(vec![(Unknown::Effort(1), value)]).unwrap());
+        let likelihood = own.likelihood_gain(&now);
+        let gain = gain_over(&now, &own.fit);
+        (
+            likelihood,
+            gain,
+            own.adds_to(&none),
+            search(model, &sample, &grams, &now),
+        )
+    }
+
+    #[test]
+    fn a_number_is_told_only_if_chance_would_have_to_be_six_deviations_large() {
+        let model = swings(false);
+        let (mut told, mut doubted) = (0, 0);
+        for k in 1..60 {
+            let (likelihood, gain, _, found) = constant(&model, (150, 1), 0.02 * f64::from(k));
+            let is_certain = likelihood > MIN_DEVIATIONS * MIN_DEVIATIONS;
+            assert!(found.is_none() || is_certain, "{k}: {likelihood} {gain}");
+            told += usize::from(found.is_some());
+            doubted += usize::from(!is_certain && gain > MIN_GAIN);
+        }
+        assert!(told > 5 && doubted > 0, "{told} {doubted}");
+    }
+
+    #[test]
+    fn a_constant_is_looked_at_from_three_deviations_on() {
+        let model = swings(false);
+        let mut doubted = 0;
+        for k in 1..60 {
+            let (likelihood, gain, adds, _) = constant(&model, (400, 16), 0.04 * f64::from(k));
+            let least = MIN_DEVIATIONS_OF_CONSTANT * MIN_DEVIATIONS_OF_CONSTANT;
+            assert_eq!(
+                adds,
+                likelihood > least && gain > MIN_GAIN,
+                "{k}: {likelihood} {gain}"
+            );
+            doubted += usize::from(likelihood < least && gain > MIN_GAIN);
+        }
+        assert!(doubted > 0);
+    }
+
+    #[test]
+    fn motion_some_time_later_is_interpolated_with_its_curvature() {
+        let state = |k: u32| {
+            let t = 0.1 * f64::from(k);
+            Measured {
+                time: t,
+                motion: [vec![2.0 + t - 3.0 * t * t], vec![1.0 - 6.0 * t], vec![-6.0]],
+                efforts: vec![],
+            }
+        };
+        let states: Vec<Measured> = (0..50).map(state).collect();
+        for by in [0.013, 0.04, -0.021, 0.13] {
+            let t = 2.0;
+            let expected = [by - 6.0 * t * by - 3.0 * by * by, -6.0 * by, 0.0];
+            let found = later(&states, 20, 0, by);
+            for (own, expected) in found.iter().zip(expected) {
+                assert!((own - expected).abs() < 1e-9, "{by}: {found:?}");
+            }
+        }
+        assert!(
+            later(&states, 20, 0, 100.0)
+                .iter()
+                .all(|own| own.abs() <= 0.0)
+        );
+    }
 }

@@ -526,3 +526,128 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         words.extend(shifted);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::swings::{Swings, sample, swings};
+    use super::*;
+
+    fn said(change: &Change, given: &[Assignment], titles: &[&str]) -> Suspicion {
+        let model: Swings = swings(false);
+        let columns = LogColumns {
+            file: "log.csv",
+            given,
+            model: &model,
+        };
+        let sample = Sample {
+            titles: titles.iter().map(|title| (*title).to_owned()).collect(),
+            time_column: Some("stamp".to_owned()),
+            ..sample()
+        };
+        columns.change(change, &sample, &[]).unwrap()
+    }
+
+    fn columns_of(found: &Suspicion) -> Vec<(String, f64)> {
+        let Remedy::Read { columns, .. } = &found.remedy else {
+            panic!("{found:?}");
+        };
+        columns
+            .iter()
+            .map(|own| (own.column.clone(), own.factor))
+            .collect()
+    }
+
+    #[test]
+    fn signs_units_and_other_factors_of_efforts_have_words_of_their_own() {
+        let with = |factor: f64| {
+            let mut change = Change::none(3, 3);
+            change.efforts[1].factor = factor;
+            said(&change, &[], &[])
+        };
+        let sign = with(-1.0);
+        assert_eq!(
+            sign.what,
+            "column `tau_q2` looks as if its sign were flipped"
+        );
+        assert_eq!(columns_of(&sign), [("tau_q2".to_owned(), -1.0)]);
+        let unit = with(1e-3);
+        assert_eq!(
+            unit.what,
+            "column `tau_q2` looks 1000 times too large, as in mN m or mm"
+        );
+        let other = with(0.25);
+        assert!(
+            other.what.contains("looks 4.000 times what it should be"),
+            "{}",
+            other.what
+        );
+        // efforts with the same factor are told together
+        let mut change = Change::none(3, 3);
+        change.efforts[0].factor = 1e-3;
+        change.efforts[2].factor = 1e-3;
+        let both = said(&change, &[], &[]);
+        assert!(
+            both.what
+                .starts_with("columns `tau_q1`, `tau_q3` look 1000 times"),
+            "{}",
+            both.what
+        );
+    }
+
+    #[test]
+    fn another_rate_is_a_factor_on_the_column_that_the_times_are_read_from() {
+        let mut change = Change::none(3, 3);
+        change.times = 0.4;
+        let found = said(&change, &[], &["stamp", "q1"]);
+        assert_eq!(columns_of(&found), [("stamp".to_owned(), 0.4)]);
+        assert!(
+            found.what.contains("looks like 125.0 Hz and not 50.00 Hz"),
+            "{}",
+            found.what
+        );
+        // the assignment of another quantity says nothing of the times
+        let given: Assignment = "tau_q1=motor".parse().unwrap();
+        let found = said(&change, &[given], &["stamp", "q1"]);
+        assert_eq!(columns_of(&found), [("stamp".to_owned(), 0.4)]);
+        let given: Assignment = "t=clock:ms".parse().unwrap();
+        let found = said(&change, &[given], &["stamp", "clock"]);
+        let [(title, factor)] = &columns_of(&found)[..] else {
+            panic!("{found:?}");
+        };
+        assert!(title == "clock" && (factor - 4e-4).abs() < 1e-12);
+        // rows without a column of times have a rate
+        let found = said(&change, &[], &["q1"]);
+        assert!(
+            matches!(&found.remedy, Remedy::Read { advice, .. } if advice == &["Give --rate 125.0"])
+        );
+    }
+
+    #[test]
+    fn a_position_that_is_a_multiple_of_what_the_others_say_is_divided_by_it() {
+        let model: Swings = swings(false);
+        let columns = LogColumns {
+            file: "log.csv",
+            given: &[],
+            model: &model,
+        };
+        let with = |factor: f64| {
+            let found = Contradiction {
+                place: 1,
+                factor,
+                offset: 0.0,
+            };
+            columns.contradicting(&sample(), found).unwrap()
+        };
+        let found = with(2.5);
+        assert!(
+            found.what.ends_with("it is 2.50 times that"),
+            "{}",
+            found.what
+        );
+        assert_eq!(columns_of(&found), [("q2".to_owned(), 0.4)]);
+        assert!(with(1e3).what.ends_with("it looks to be in mm"));
+        assert_eq!(columns_of(&with(-1.0)), [("q2".to_owned(), -1.0)]);
+    }
+}
