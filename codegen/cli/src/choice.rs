@@ -4,7 +4,7 @@ use regen_codegen::diag::Source;
 use regen_experiment::instruments::instrumental;
 use regen_identify::IdentifiedModel;
 use regen_identify::choice::Choice;
-use regen_identify::data::Run;
+use regen_identify::data::{Decision, Run};
 use regen_identify::files::ParameterFile;
 use regen_identify::session::{LeastSquaresStart, OpenChoices, Session, chosen, from_logs};
 use regen_identify::signals::Method;
@@ -19,7 +19,7 @@ use crate::{identify, load, loads, observe};
 
 /// Whether neither an option nor the experiment file says how positions are differentiated.
 pub(crate) fn is_open(reading: &ReadingArgs) -> bool {
-    !observe::settings(reading).is_method_given
+    observe::settings(reading).method_by == Decision::Open
 }
 
 /// What the options leave to be chosen beside the filter.

@@ -1,9 +1,8 @@
 //! `regen observe`: reduces logs to a factor file; also how all commands read logs.
 
-use regen_identify::data::Spikes;
 use regen_identify::data::{
-    Bridged, Checks, DataError, Fault, FileReport, Gaps, Policies, Policy, Problems, Quantity, Run,
-    Settings,
+    Bridged, Checks, DataError, Decision, Fault, FileReport, Gaps, Policies, Policy, Problems,
+    Quantity, Run, Settings, Spikes,
 };
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{EquationKind, LeftOut, Options, observe};
@@ -146,11 +145,14 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         settings.measured_rates = Some(velocities == VelocitiesArg::Measured);
     }
     settings.poses |= reading.poses;
-    settings.is_method_given |= reading.no_filter
+    if reading.no_filter
         || settings.poses
         || reading.fourier.is_some()
         || reading.butterworth.is_some()
-        || reading.local.is_some();
+        || reading.local.is_some()
+    {
+        settings.method_by = Decision::Given;
+    }
     if reading.no_filter || reading.poses {
         settings.method = Method::Central;
     } else if let Some((frequency, harmonics)) = reading.fourier {
@@ -200,7 +202,9 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         .retain(|(name, _)| !given.iter().any(|(own, _)| own == name));
     settings.delays.extend(given);
     settings.are_delays_found = reading.has_found_delays;
-    settings.is_method_chosen = reading.has_chosen_filter;
+    if reading.has_chosen_filter {
+        settings.method_by = Decision::Chosen;
+    }
     settings
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::data::{Run, Settings};
+use crate::data::{Decision, Run, Settings};
 use crate::signals::Method;
 
 /// A cutoff that was tried.
@@ -108,7 +108,7 @@ impl Choice {
     pub fn applied(&self, settings: &Settings) -> Settings {
         Settings {
             method: self.method(),
-            is_method_chosen: true,
+            method_by: Decision::Chosen,
             decimation: match settings.decimation {
                 1 => self.equation_decimation(),
                 given => given,

@@ -55,7 +55,7 @@ const SETTINGS: [Setting; 7] = [
     Setting {
         options: &["fourier", "butterworth", "local", "no_filter"],
         key: "filter",
-        is_stated: |reading| crate::observe::settings(reading).is_method_given,
+        is_stated: |reading| !crate::choice::is_open(reading),
         of_didim: true,
     },
     Setting {

@@ -61,7 +61,7 @@ pub use problem::{DataError, Fault, Problem, Problems};
 pub use raw::{RawLog, RawRow};
 pub use run::{Join, Run};
 pub use sample::{Measured, STATES, Sample, Spikes};
-pub use settings::Settings;
+pub use settings::{Decision, Settings};
 pub use sketch::Sketch;
 pub use standstill::{Differences, Encoder, context as rest_context, resting};
 pub use table::{Decimal, Format, Header, Separator};

@@ -34,10 +34,8 @@ pub struct Settings {
     /// Fourier series, velocities and accelerations are those of the series of the positions. Where
     /// accelerations are measured too, velocities and accelerations are used as they are.
     pub method: Method,
-    /// Whether someone stated the method; otherwise a filter is chosen from the logs where one can be.
-    pub is_method_given: bool,
-    /// Whether the filter was chosen from the same logs, and so compared with lower cutoffs.
-    pub is_method_chosen: bool,
+    /// Who decided on the method.
+    pub method_by: Decision,
     /// What is done with faulty rows.
     pub policy: Policy,
     /// What is done with doubtful rows, where it differs from `policy`.
@@ -64,6 +62,18 @@ pub struct Settings {
     pub are_delays_found: bool,
 }
 
+/// Who decided how positions are differentiated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Decision {
+    /// No one: a filter is chosen from the logs where one can be.
+    #[default]
+    Open,
+    /// A person, by an option or an experiment file.
+    Given,
+    /// The choice from the same logs, which compared the filter with others.
+    Chosen,
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
@@ -76,8 +86,7 @@ impl Default for Settings {
             resample: None,
             measured_rates: None,
             method: Method::Central,
-            is_method_given: false,
-            is_method_chosen: false,
+            method_by: Decision::Open,
             policy: Policy::Fail,
             checks: Checks::default(),
             decimation: 1,

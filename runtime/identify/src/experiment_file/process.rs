@@ -4,7 +4,7 @@ use regen_runtime::Info;
 
 use super::Delay;
 use super::shape::{Sink, below, did_you_mean};
-use crate::data::{Checks, Decimal, Format, Gaps, Header, Policy, Separator, Settings};
+use crate::data::{Checks, Decimal, Decision, Format, Gaps, Header, Policy, Separator, Settings};
 use crate::document::{Node, NodeKind};
 use crate::identify::EquationKind;
 use crate::signals::Method;
@@ -33,7 +33,10 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Process {
             .map(|word| word != "computed"),
         method: of("filter").and_then(method).unwrap_or(Method::Central),
         // poses are not differentiated
-        is_method_given: of("filter").or_else(|| of("motion")).is_some(),
+        method_by: match of("filter").or_else(|| of("motion")) {
+            Some(_) => Decision::Given,
+            None => Decision::Open,
+        },
         decimation: of("decimate").and_then(count).unwrap_or(1),
         period: number("period"),
         ..Settings::default()

@@ -4,7 +4,7 @@
 use regen_runtime::Info;
 
 use super::*;
-use crate::data::{Checks, Decimal, Format, Gaps, Header, Join, Policy, Separator};
+use crate::data::{Checks, Decimal, Decision, Format, Gaps, Header, Join, Policy, Separator};
 use crate::document::Mistake;
 use crate::signals::Method;
 use crate::states::Standstill;
@@ -139,8 +139,7 @@ runs:
         resample: Some(100.0),
         measured_rates: Some(false),
         method: Method::Local { half_width: 0.05 },
-        is_method_given: true,
-        is_method_chosen: false,
+        method_by: Decision::Given,
         policy: Policy::Drop,
         checks: Checks {
             outliers: Some(Policy::Tell),

@@ -6,7 +6,7 @@ use regen_runtime::BaseModel;
 use super::choice::{Trial, moved_by_cutoff};
 use super::motion_noise::{motion_bias, size_of};
 use super::{MonitoredLogs, Session, SessionError, physical};
-use crate::data::{FileReport, Run, Settings};
+use crate::data::{Decision, FileReport, Run, Settings};
 use crate::estimate::{
     Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, LogErrors, QrFactor,
     Residuals, Weighting,
@@ -192,7 +192,9 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         )
     };
     let moved = match (&motion, session.reading.method) {
-        (Some(_), Method::Butterworth { cutoff, .. }) if !session.reading.is_method_chosen => {
+        (Some(_), Method::Butterworth { cutoff, .. })
+            if session.reading.method_by == Decision::Given =>
+        {
             let given = Trial::of_corrected(&identified, cutoff);
             moved_by_cutoff(session, logs.logs(), given)?
         }
