@@ -114,7 +114,7 @@ pub(crate) fn made_without_loads(
 /// Sets the options of reading that pin a choice; a decimation, an even grid or delays that are given stay.
 pub(crate) fn pin(choice: &Choice, reading: &mut ReadingArgs) {
     let settings = observe::settings(reading);
-    reading.has_chosen_filter = true;
+    reading.found.filter = true;
     match choice.method() {
         Method::Fourier {
             frequency,
@@ -137,7 +137,7 @@ pub(crate) fn pin_delays(choice: &Choice, reading: &mut ReadingArgs) {
     if open(reading, false).delays && !choice.delays.is_empty() {
         let delays = choice.delays.iter().cloned();
         reading.delay = delays.map(|(name, s)| DelayArg::Of(name, s)).collect();
-        reading.has_found_delays = true;
+        reading.found.delays = true;
     }
 }
 

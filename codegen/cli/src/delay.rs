@@ -22,7 +22,7 @@ pub(crate) fn corrected(
     let delays = settled_delays(session, &args.logs)?;
     let delays = delays.into_iter();
     args.reading.delay = delays.map(|(name, s)| DelayArg::Of(name, s)).collect();
-    args.reading.has_found_delays = true;
+    args.reading.found.delays = true;
     Ok(Some(args))
 }
 
@@ -63,7 +63,7 @@ pub(crate) fn found_for(
     let found = settled_delays(session, logs)?;
     let delays = found.iter().cloned();
     reading.delay = delays.map(|(name, s)| DelayArg::Of(name, s)).collect();
-    reading.has_found_delays = true;
+    reading.found.delays = true;
     Ok((reading, found))
 }
 

@@ -201,8 +201,8 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         .delays
         .retain(|(name, _)| !given.iter().any(|(own, _)| own == name));
     settings.delays.extend(given);
-    settings.are_delays_found = reading.has_found_delays;
-    if reading.has_chosen_filter {
+    settings.are_delays_found = reading.found.delays;
+    if reading.found.filter {
         settings.method_by = Decision::Chosen;
     }
     settings

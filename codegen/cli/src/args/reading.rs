@@ -9,6 +9,15 @@ use regen_identify::data::Run;
 use crate::experiment::Experiment;
 
 /// How logs are read and differentiated.
+/// What of the options a command found from the logs.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct FoundFromLogs {
+    /// The filter.
+    pub(crate) filter: bool,
+    /// The delays.
+    pub(crate) delays: bool,
+}
+
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Reading logs")]
 pub(crate) struct ReadingArgs {
@@ -98,12 +107,9 @@ pub(crate) struct ReadingArgs {
     /// The content of the experiment file, which the options override.
     #[arg(skip)]
     pub(crate) experiment: Option<Box<Experiment>>,
-    /// Whether the filter was chosen from the logs.
+    /// What the command found from the logs and set here.
     #[arg(skip)]
-    pub(crate) has_chosen_filter: bool,
-    /// Whether the delays were found from the logs.
-    #[arg(skip)]
-    pub(crate) has_found_delays: bool,
+    pub(crate) found: FoundFromLogs,
     /// The files that the command writes, which no log may be.
     #[arg(skip)]
     pub(crate) outputs: Vec<PathBuf>,
