@@ -8,7 +8,6 @@ use regen_identify::data::Run;
 
 use crate::experiment::Experiment;
 
-/// How logs are read and differentiated.
 /// What of the options a command found from the logs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct FoundFromLogs {
@@ -18,6 +17,7 @@ pub(crate) struct FoundFromLogs {
     pub(crate) delays: bool,
 }
 
+/// How logs are read and differentiated.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Reading logs")]
 pub(crate) struct ReadingArgs {
