@@ -245,7 +245,7 @@ fn opposite(parameter: Parameter<'_>) -> Option<Parameter<'_>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::swings::{sample, swings};
+    use super::super::swings_for_tests::{sample, swings};
     use super::*;
 
     #[test]

@@ -14,7 +14,7 @@ mod grams;
 mod judge;
 mod positions;
 #[cfg(test)]
-pub(crate) mod swings;
+pub(crate) mod swings_for_tests;
 mod trial;
 mod unknowns;
 mod words;

@@ -625,7 +625,7 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::swings::{sample, swings, with};
+    use super::super::swings_for_tests::{sample, swings, with};
     use super::*;
 
     #[test]

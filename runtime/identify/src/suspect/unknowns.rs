@@ -581,7 +581,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::swings::{Swings, sample_of, swings};
+    use super::super::swings_for_tests::{Swings, sample_of, swings};
     use super::*;
 
     /// A constant in an effort of so many noisy states, some of more: by how much more likely it makes them, and
