@@ -175,7 +175,7 @@ impl FrictionData {
     ///
     /// - `w`: dof x r, column by column; `tau`: dof efforts, N or N m; `qd`: the joints'
     ///   velocities, rad/s or m/s;
-    /// - `directions`: dof x joints, column by column, see [`directions`];
+    /// - `directions`: dof x joints, column by column, see [`directions`](crate::states::directions);
     /// - `weights`: the factor of each row, dof entries: 1/sigma.
     ///
     /// # Errors

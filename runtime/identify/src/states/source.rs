@@ -59,7 +59,7 @@ pub trait Source {
     /// where motion is not differentiated from positions, as here.
     ///
     /// - `beta`: the r base parameters that predict the efforts, SI;
-    /// - `motion`: for [`instrumental`](super::instrumental) variables their motion, in place of the
+    /// - `motion`: for [`instrumental`](crate::identify::instrumental) variables their motion, in place of the
     ///   measured one, whose noise both ways of differentiation would pass to different extents. A log
     ///   whose motion is a series or the average of its periods is compared as it was measured.
     ///
