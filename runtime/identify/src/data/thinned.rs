@@ -294,7 +294,7 @@ mod tests {
 
     use super::*;
     use crate::data::Settings;
-    use crate::suspect::swings::{Swings, Written, swings};
+    use crate::suspect::swings_for_tests::{Swings, Written, swings};
 
     /// A log of three joints with so many rows, 10 ms apart.
     fn log(rows: usize, name: &str) -> Written {

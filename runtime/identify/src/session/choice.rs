@@ -794,7 +794,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use crate::suspect::swings::{swings, written};
+    use crate::suspect::swings_for_tests::{swings, written};
 
     /// A trial of one parameter with this value, deviation and residuals.
     fn trial_of(cutoff: f64, value: f64, deviation: f64, residual: f64) -> Trial {

@@ -374,7 +374,7 @@ mod tests {
 
     #[test]
     fn efforts_that_are_late_are_corrected_by_their_delay_each() {
-        use crate::suspect::swings::{swings, written};
+        use crate::suspect::swings_for_tests::{swings, written};
         let model = swings(false);
         let session = Session {
             model: &model,

@@ -468,7 +468,7 @@ mod tests {
 
     #[test]
     fn the_noise_that_is_added_is_subtracted_too() {
-        use crate::suspect::swings::{swings, written};
+        use crate::suspect::swings_for_tests::{swings, written};
         let model = swings(false);
         let run = written("noise", 300, 0.0, |_| true);
         let logs = Logs::open(

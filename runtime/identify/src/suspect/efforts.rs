@@ -500,7 +500,7 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::swings::{sample, swings, with};
+    use super::super::swings_for_tests::{sample, swings, with};
     use super::*;
 
     fn grams_of(sample: &super::super::Sample) -> Grams {

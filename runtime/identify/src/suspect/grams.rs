@@ -764,7 +764,7 @@ pub(super) fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::swings::{sample, swings, with};
+    use super::super::swings_for_tests::{sample, swings, with};
     use super::*;
 
     #[test]

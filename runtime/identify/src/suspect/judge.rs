@@ -700,7 +700,7 @@ fn negative_inertias<M: BaseModel<f64> + ?Sized>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::swings::{Swings, sample, swings, with};
+    use super::super::swings_for_tests::{Swings, sample, swings, with};
     use super::*;
 
     fn columns(model: &Swings) -> LogColumns<'_, Swings> {

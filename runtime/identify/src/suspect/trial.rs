@@ -265,7 +265,7 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::swings::{swings, with};
+    use super::super::swings_for_tests::{swings, with};
     use super::*;
 
     fn of_errors(error: f64, nominal: f64, correlation: f64, implausible: usize) -> Trial {

@@ -531,7 +531,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::swings::{Swings, sample, swings};
+    use super::super::swings_for_tests::{Swings, sample, swings};
     use super::*;
 
     fn said(change: &Change, given: &[Assignment], titles: &[&str]) -> Suspicion {
