@@ -2,9 +2,10 @@
 //! the best result so far.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock, Mutex};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 use crate::call;
 
@@ -19,6 +20,10 @@ static ENDS_BY_ITSELF: AtomicBool = AtomicBool::new(false);
 /// Whether the first interrupt has come.
 static INTERRUPT_SEEN: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Installs the handler: an interrupt removes a half-written file and ends the run as a failure.
 pub(crate) fn listen() {
     // where no handler can be installed, the signal itself ends the run
@@ -26,10 +31,10 @@ pub(crate) fn listen() {
         if ENDS_BY_ITSELF.load(Ordering::Relaxed) && !INTERRUPT_SEEN.swap(true, Ordering::Relaxed) {
             return;
         }
-        if let Ok(unfinished) = UNFINISHED.lock() {
-            for path in unfinished.iter() {
-                let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
-            }
+        // held until the process ends, so that nothing is created any more
+        let unfinished = unfinished();
+        for path in unfinished.iter() {
+            let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
         }
         std::process::exit(INTERRUPTED.into());
     });
@@ -44,16 +49,15 @@ pub(crate) fn flag() -> Arc<AtomicBool> {
     })
 }
 
-/// From now on the handler removes this file or folder.
-pub(crate) fn begin(path: &Path) {
-    if let Ok(mut unfinished) = UNFINISHED.lock() {
-        unfinished.push(path.to_path_buf());
-    }
+/// Creates a file or folder, which the handler removes from then on; it never comes in between.
+pub(crate) fn creating<T>(path: &Path, create: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+    let mut unfinished = unfinished();
+    let made = create()?;
+    unfinished.push(path.to_path_buf());
+    Ok(made)
 }
 
 /// From now on the handler leaves this file or folder.
 pub(crate) fn finish(path: &Path) {
-    if let Ok(mut unfinished) = UNFINISHED.lock() {
-        unfinished.retain(|own| own != path);
-    }
+    unfinished().retain(|own| own != path);
 }

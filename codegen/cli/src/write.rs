@@ -35,18 +35,13 @@ pub(crate) fn create(path: &Path, text: &str, remedy: &str) -> Result<(), Failur
         fs::create_dir_all(dir).map_err(|error| Failure::io("create", dir, &error))?;
     }
     // An empty file reserves the name, and is then replaced as a whole.
-    OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(path)
-        .map_err(|error| match error.kind() {
-            ErrorKind::AlreadyExists => Failure::Io(format!(
-                "{} exists already and is left as it is: {remedy}",
-                path.display()
-            )),
-            _ => Failure::io("write", path, &error),
-        })?;
-    interrupt::begin(path);
+    interrupt::creating(path, || File::create_new(path)).map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => Failure::Io(format!(
+            "{} exists already and is left as it is: {remedy}",
+            path.display()
+        )),
+        _ => Failure::io("write", path, &error),
+    })?;
     let written = atomically(path, text).inspect_err(|_| {
         // Remove the empty file made above; the first error is the one to report.
         let _ = fs::remove_file(path);
@@ -99,11 +94,8 @@ fn temporary(dir: &Path, path: &Path) -> io::Result<(PathBuf, File)> {
     let mut number = 0;
     loop {
         let temporary = dir.join(format!(".{name}.{}.{number}.tmp", std::process::id()));
-        match File::create_new(&temporary) {
-            Ok(file) => {
-                interrupt::begin(&temporary);
-                return Ok((temporary, file));
-            }
+        match interrupt::creating(&temporary, || File::create_new(&temporary)) {
+            Ok(file) => return Ok((temporary, file)),
             Err(error) if error.kind() == ErrorKind::AlreadyExists && number < MAX_TRIES => {
                 number += 1;
             }

@@ -30,11 +30,8 @@ impl Folder {
         loop {
             let name = format!("regen-rehearse-{}-{number}", std::process::id());
             let path = std::env::temp_dir().join(name);
-            match fs::create_dir(&path) {
-                Ok(()) => {
-                    interrupt::begin(&path);
-                    return Ok(Self { path, is_own: true });
-                }
+            match interrupt::creating(&path, || fs::create_dir(&path)) {
+                Ok(()) => return Ok(Self { path, is_own: true }),
                 Err(why) if why.kind() == ErrorKind::AlreadyExists && number < MAX_TRIES => {
                     number += 1;
                 }
