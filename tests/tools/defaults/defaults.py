@@ -199,6 +199,23 @@ def messages(text):
     return out
 
 
+def asked_cells(doc):
+    """The command line of a script that reads intervals: REGEN CELLS and options; `cells` are names, motions and seeds."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("regen")
+    parser.add_argument("cells")
+    parser.add_argument("--noise", default="white:1e-5")
+    parser.add_argument("--rate", type=float, default=200.0)
+    parser.add_argument("--seeds", default="2,3")
+    parser.add_argument("--cache", default=tempfile.gettempdir())
+    parser.add_argument("--options", default="", help="more options of the command, between blanks")
+    o = parser.parse_args()
+    pairs = [cell.split(":") for cell in o.cells.split(",")]
+    o.cells = [(name, motion, seed) for name, motion in pairs for seed in map(int, o.seeds.split(","))]
+    o.options = o.options.split()
+    return o
+
+
 # cells -----------------------------------------------------------------------------------------
 
 

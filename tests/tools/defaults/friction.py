@@ -7,7 +7,6 @@ Stribeck friction, half as much again as Coulomb's at rest, with the exponent 2.
 intervals of friction and of base parameters hold the truth.
 """
 
-import argparse
 import json
 import pathlib
 import subprocess
@@ -36,43 +35,34 @@ def held(rows, truth):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("regen")
-    parser.add_argument("cells")
-    parser.add_argument("--noise", default="white:1e-5")
-    parser.add_argument("--rate", type=float, default=200.0)
-    parser.add_argument("--seeds", default="2,3")
-    parser.add_argument("--cache", default=tempfile.gettempdir())
-    o = parser.parse_args()
+    o = defaults.asked_cells(__doc__)
     regen, folder = defaults.Regen(o.regen), pathlib.Path(tempfile.mkdtemp())
     sums = np.zeros(4, int)
-    for cell in o.cells.split(","):
-        name, motion = cell.split(":")
-        for seed in map(int, o.seeds.split(",")):
-            plain = defaults.spec_file(name + "+stribeck", o.cache)
-            run = robots.Run(plain, motion, seed, 10.0, o.cache, True)
-            spec, log = folder / f"{name}.yaml", folder / "log.csv"
-            spec.write_text(pathlib.Path(plain).read_text().replace("friction: linear", "friction: stribeck"))
-            random = np.random.default_rng([seed, zlib.crc32(f"{name} {motion} stb".encode())])
-            defaults.write(log, run, *defaults.rows(run, o.rate, o.noise, 0.02, random))
-            words = [o.regen, "identify", spec, log, "--friction", "--format", "json"]
-            answer = subprocess.run(words, capture_output=True, text=True, check=False)
-            if answer.returncode:
-                print(cell, seed, answer.stderr.strip()[:300])
-                continue
-            found = json.loads(answer.stdout)
-            truth = truth_of(run)
-            laws = [(f"{s}({joint['joint']})", own) for joint in found["friction"]
-                    for s, own in joint["intervals"].items() if own]
-            friction = held(laws, truth)
-            base = regen.base(str(spec))
-            values = dict(zip([row["label"] for row in base], run.combinations(base)[0]))
-            rows = [(row["label"], row) for row in found["parameters"]
-                    if row["label"] in values and row["low"] is not None]
-            others = held(rows, values)
-            sums += [*friction[:2], *others[:2]]
-            print(f"{cell} {seed}: friction {friction[0]} of {friction[1]} {friction[2]}, base {others[0]} of {others[1]}",
-                  flush=True)
+    for name, motion, seed in o.cells:
+        plain = defaults.spec_file(name + "+stribeck", o.cache)
+        run = robots.Run(plain, motion, seed, 10.0, o.cache, True)
+        spec, log = folder / f"{name}.yaml", folder / "log.csv"
+        spec.write_text(pathlib.Path(plain).read_text().replace("friction: linear", "friction: stribeck"))
+        random = np.random.default_rng([seed, zlib.crc32(f"{name} {motion} stb".encode())])
+        defaults.write(log, run, *defaults.rows(run, o.rate, o.noise, 0.02, random))
+        words = [o.regen, "identify", spec, log, "--friction", "--format", "json", *o.options]
+        answer = subprocess.run(words, capture_output=True, text=True, check=False)
+        if answer.returncode:
+            print(name, motion, seed, answer.stderr.strip()[:300])
+            continue
+        found = json.loads(answer.stdout)
+        truth = truth_of(run)
+        laws = [(f"{s}({joint['joint']})", own) for joint in found["friction"]
+                for s, own in joint["intervals"].items() if own]
+        friction = held(laws, truth)
+        base = regen.base(str(spec))
+        values = dict(zip([row["label"] for row in base], run.combinations(base)[0]))
+        rows = [(row["label"], row) for row in found["parameters"]
+                if row["label"] in values and row["low"] is not None]
+        others = held(rows, values)
+        sums += [*friction[:2], *others[:2]]
+        print(f"{name} {motion} {seed}: friction {friction[0]} of {friction[1]} {friction[2]}, base {others[0]} of {others[1]}",
+              flush=True)
     print(f"friction {sums[0]} of {sums[1]}, base parameters {sums[2]} of {sums[3]}")
 
 

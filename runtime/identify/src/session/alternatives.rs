@@ -2,9 +2,10 @@
 
 use regen_runtime::BaseModel;
 
-use super::choice::{
-    BIAS_WEIGHT, Basis, KnownBias, ORDER, Search, Trial, all_errors, fitted, mean_square,
-    percent_of, rate_of, trial,
+use super::choice::{Basis, rate_of};
+use super::cutoffs::{
+    BIAS_WEIGHT, KnownBias, ORDER, Search, Trial, all_errors, fitted, mean_square, percent_of,
+    trial,
 };
 use super::motion_noise::{NoisyLogs, is_undetermined, rates};
 use super::{Session, SessionError};

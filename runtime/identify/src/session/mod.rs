@@ -10,6 +10,7 @@ mod alternatives;
 mod choice;
 mod compare;
 mod cross;
+mod cutoffs;
 mod delays;
 mod error;
 mod knowledge;

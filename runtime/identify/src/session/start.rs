@@ -3,7 +3,7 @@
 
 use regen_runtime::BaseModel;
 
-use super::choice::{Trial, moved_by_cutoff};
+use super::cutoffs::{Trial, moved_by_cutoff};
 use super::motion_noise::{motion_bias, size_of};
 use super::{MonitoredLogs, Session, SessionError, physical};
 use crate::data::{Decision, FileReport, Run, Settings};
