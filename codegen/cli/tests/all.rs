@@ -24,6 +24,8 @@ mod laboratories;
 mod mistakes;
 mod new;
 mod offsets;
+#[cfg(target_os = "linux")]
+mod opens;
 mod options;
 mod pages;
 mod pages_mechanics;

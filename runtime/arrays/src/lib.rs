@@ -26,8 +26,6 @@ mod table;
 mod tdms;
 mod zip;
 
-use std::fs::File;
-use std::io::Read as _;
 use std::path::Path;
 
 use self::array::Found;
@@ -51,7 +49,7 @@ enum Format {
 }
 
 /// Bytes from which a format is known: HDF5 may begin at 512.
-const START_BYTES: u64 = 520;
+pub const START_BYTES: u64 = 520;
 
 /// Formats that are not read, by their first bytes, with what to do with them.
 const OTHERS: [(&[u8], &str); 2] = [
@@ -89,31 +87,16 @@ impl Format {
     }
 }
 
-/// The format of a file; `None` if it is none of these, or cannot be read, which a later read reports.
-fn format(path: &Path) -> Option<Format> {
-    let mut start = Vec::new();
-    File::open(path)
-        .ok()?
-        .take(START_BYTES)
-        .read_to_end(&mut start)
-        .ok()?;
-    Format::of(&start)
-}
-
-/// Whether a file is in one of the formats, by its first bytes, or in one for which [`open`] says what
-/// to do with it.
+/// Whether a file is in one of the formats, or in one for which [`open`] says what to do with it.
+///
+/// - `start`: its first bytes, at least [`START_BYTES`] of a longer file.
 ///
 /// ```
-/// let path = std::env::temp_dir().join(format!("regen-arrays-{}.npy", std::process::id()));
-/// std::fs::write(&path, b"\x93NUMPY\x01\x00")?;
-/// assert!(regen_arrays::is_arrays(&path));
-/// std::fs::write(&path, "t,q1\n0,1\n")?;
-/// assert!(!regen_arrays::is_arrays(&path));
-/// # std::fs::remove_file(path)?;
-/// # Ok::<(), std::io::Error>(())
+/// assert!(regen_arrays::is_arrays(b"\x93NUMPY\x01\x00"));
+/// assert!(!regen_arrays::is_arrays(b"t,q1\n0,1\n"));
 /// ```
-pub fn is_arrays(path: &Path) -> bool {
-    format(path).is_some()
+pub fn is_arrays(start: &[u8]) -> bool {
+    Format::of(start).is_some()
 }
 
 /// Opens a file as tables: one for each time in it, or one of all arrays of the usual length.

@@ -220,7 +220,7 @@ fn other_formats_are_refused_with_what_to_do() {
     let path = std::env::temp_dir().join(format!("regen-other-{}", std::process::id()));
     let refused = |bytes: &[u8], word: &str| {
         std::fs::write(&path, bytes).unwrap();
-        assert!(regen_arrays::is_arrays(&path));
+        assert!(regen_arrays::is_arrays(bytes));
         let error = regen_arrays::open(&path, None).unwrap_err();
         assert!(
             error.is_refused() && error.reason().contains(word),

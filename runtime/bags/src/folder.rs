@@ -49,28 +49,27 @@ fn extension(path: &Path) -> Option<&str> {
 }
 
 /// Whether a path is a recording: a folder or its `metadata.yaml`, a file that begins as a recording
-/// or is named as one. False for what
-/// cannot be read.
+/// or is named as one.
+///
+/// - `start`: its first bytes, at least 16 of a longer file.
 ///
 /// ```
 /// use std::path::Path;
 ///
 /// let dir = std::env::temp_dir();
-/// assert!(regen_bags::is_bag(&dir), "a folder can only be a bag");
-/// assert!(regen_bags::is_bag(Path::new("missing.mcap")));
-/// assert!(!regen_bags::is_bag(Path::new("run1.csv")));
+/// assert!(regen_bags::is_bag(&dir, b""), "a folder can only be a bag");
+/// assert!(regen_bags::is_bag(Path::new("missing.mcap"), b""));
+/// assert!(regen_bags::is_bag(Path::new("run1"), b"SQLite format 3\0"));
+/// assert!(!regen_bags::is_bag(Path::new("run1.csv"), b"t,q1\n"));
 /// ```
-pub fn is_bag(path: &Path) -> bool {
+pub fn is_bag(path: &Path, start: &[u8]) -> bool {
     let metadata = path.file_name().is_some_and(|name| name == METADATA);
     if metadata || path.is_dir() || matches!(extension(path), Some("mcap" | "db3" | "bag")) {
         return true;
     }
-    let begins = |start: Vec<u8>| {
-        [mcap::MAGIC, SQLITE_MAGIC, ROS1_MAGIC]
-            .iter()
-            .any(|magic| start.starts_with(magic))
-    };
-    start(path).is_ok_and(begins)
+    [mcap::MAGIC, SQLITE_MAGIC, ROS1_MAGIC]
+        .iter()
+        .any(|magic| start.starts_with(magic))
 }
 
 /// The file of a recording at a path.

@@ -5,7 +5,7 @@ use std::path::Path;
 use regen_arrays::{ArrayError, Table};
 
 use super::file_rows::{FileRow, Wanted};
-use super::problem::{DataError, Fault};
+use super::problem::DataError;
 
 /// The tables of a file.
 ///
@@ -51,16 +51,15 @@ impl ArrayRows {
         }
         let row = self.given;
         self.given += 1;
-        let entry = |(wanted, column): (&Wanted, &Vec<f64>)| match column.get(row) {
+        let entries = self.columns.iter().map(|column| match column.get(row) {
             Some(value) if value.is_finite() => Ok(*value),
-            other => Err(Fault::NotANumber {
-                column: wanted.title.clone(),
-                text: other.map_or_else(String::new, f64::to_string),
-            }),
-        };
-        Some(FileRow {
-            line: self.given as u64,
-            values: self.wanted.iter().zip(&self.columns).map(entry).collect(),
-        })
+            other => Err(other.map_or_else(String::new, f64::to_string)),
+        });
+        Some(FileRow::new(
+            self.given as u64,
+            &self.wanted,
+            entries,
+            Vec::new(),
+        ))
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use regen_bags::{BagError, Log, Rows, Table};
 
 use super::file_rows::{FileRow, Wanted};
-use super::problem::{DataError, Fault};
+use super::problem::DataError;
 
 /// The tables of a topic.
 ///
@@ -81,16 +81,15 @@ impl BagRows {
         let Some(row) = self.rows.next_row().map_err(|error| failed(&error))? else {
             return Ok(None);
         };
-        let entry = |(wanted, value): (&Wanted, Option<f64>)| match value {
+        let entries = row.values.into_iter().map(|value| match value {
             Some(value) if value.is_finite() => Ok(value),
-            other => Err(Fault::NotANumber {
-                column: wanted.title.clone(),
-                text: other.map_or_else(String::new, |x| x.to_string()),
-            }),
-        };
-        Ok(Some(FileRow {
-            line: row.number,
-            values: self.wanted.iter().zip(row.values).map(entry).collect(),
-        }))
+            other => Err(other.map_or_else(String::new, |x| x.to_string())),
+        });
+        Ok(Some(FileRow::new(
+            row.number,
+            &self.wanted,
+            entries,
+            Vec::new(),
+        )))
     }
 }

@@ -1,10 +1,12 @@
 //! Reads the rows of one file one after another, as the numbers in the file, not converted to SI.
 
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::csv_rows::CsvRows;
+use super::parsed::{ParsedColumns, ParsedRows};
 use super::problem::{DataError, Fault};
 use super::table::{Format, Written};
 use crate::document::require_regular;
@@ -40,12 +42,16 @@ pub(super) struct Table {
     pub(super) named: bool,
     /// The length in bytes of a CSV file whose last line has no end of line.
     pub(super) unended_length: Option<u64>,
+    /// The first and the last row that are read, from 1; `None` for all.
+    pub(super) part: Option<(u64, u64)>,
+    parsed: ParsedColumns,
 }
 
 /// How a file is read.
 #[derive(Clone, Debug)]
 enum Kind {
-    Csv(Written),
+    /// A text, and the file until its rows are read.
+    Csv(Written, Arc<Mutex<Option<Arc<File>>>>),
     #[cfg(feature = "parquet")]
     Parquet(super::parquet::Contents),
     #[cfg(feature = "bags")]
@@ -77,8 +83,52 @@ pub(super) struct Opening<'a> {
 pub(super) struct FileRow {
     /// The line of a CSV file, the row of a Parquet file or the number of a message, from 1.
     pub(super) line: u64,
-    /// The numbers of the wanted columns as in the file, or why they cannot be used.
-    pub(super) values: Result<Vec<f64>, Fault>,
+    /// The numbers of the wanted columns as in the file, NaN where there is none; nothing where the whole row
+    /// cannot be used.
+    pub(super) values: Vec<f64>,
+    /// Why it cannot be used, if it cannot.
+    pub(super) faults: Vec<RowFault>,
+}
+
+/// Why a row cannot be used.
+#[derive(Debug, PartialEq)]
+pub(super) struct RowFault {
+    /// The place of its column among the wanted ones; `None` if the whole row cannot be used.
+    pub(super) column: Option<usize>,
+    pub(super) why: Fault,
+}
+
+impl FileRow {
+    /// A row with the entries of the wanted columns, each a number or the text that is none.
+    pub(super) fn new(
+        line: u64,
+        wanted: &[Wanted],
+        entries: impl Iterator<Item = Result<f64, String>>,
+        mut values: Vec<f64>,
+    ) -> Self {
+        let mut faults = Vec::new();
+        values.clear();
+        for (place, (wanted, entry)) in wanted.iter().zip(entries).enumerate() {
+            match entry {
+                Ok(value) => values.push(value),
+                Err(text) => {
+                    values.push(f64::NAN);
+                    faults.push(RowFault {
+                        column: Some(place),
+                        why: Fault::NotANumber {
+                            column: wanted.title.clone(),
+                            text,
+                        },
+                    });
+                }
+            }
+        }
+        Self {
+            line,
+            values,
+            faults,
+        }
+    }
 }
 
 /// The rows of one file, from the first one on.
@@ -95,18 +145,20 @@ pub(super) enum FileRows<'a> {
 /// First bytes of a Parquet file.
 const PARQUET_MAGIC: [u8; 4] = *b"PAR1";
 
-/// Whether a file is Parquet, by its first bytes; false if it cannot be read, which a later read
-/// reports.
-fn is_parquet(path: &Path) -> bool {
-    let mut start = [0; 4];
-    File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok())
-        && start == PARQUET_MAGIC
+/// Bytes at the start of a file by which its format is known.
+const START_BYTES: u64 = 1024;
+
+/// The first bytes of a file.
+fn start(mut file: &File) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    file.take(START_BYTES).read_to_end(&mut bytes)?;
+    file.seek(SeekFrom::Start(0))?;
+    Ok(bytes)
 }
 
 /// The length in bytes of a file whose last line has no end of line; `None` for other files and
 /// where it cannot be read, which a later read reports.
-fn unended_length(path: &Path) -> Option<u64> {
-    let mut file = File::open(path).ok()?;
+fn unended_length(mut file: &File) -> Option<u64> {
     let length = file.seek(SeekFrom::End(0)).ok()?;
     let mut last = [0];
     file.seek(SeekFrom::End(-1)).ok()?;
@@ -142,12 +194,21 @@ impl Opening<'_> {
     /// Finds the format of a file. A recording has several tables if several publishers send
     /// different joints.
     pub(super) fn tables(&mut self, path: &Path) -> Result<Vec<Table>, DataError> {
-        require_regular(path).map_err(|error| DataError::Io {
+        let io = |error: io::Error| DataError::Io {
             file: path.display().to_string(),
             why: error.to_string(),
-        })?;
+        };
+        require_regular(path).map_err(io)?;
+        // what cannot be read is no file of these formats, and the error that of reading it as a text
+        let file = if path.is_dir() {
+            None
+        } else {
+            File::open(path).ok()
+        };
+        let first = file.as_ref().and_then(|file| start(file).ok());
+        let first = first.unwrap_or_default();
         #[cfg(feature = "bags")]
-        if regen_bags::is_bag(path) {
+        if regen_bags::is_bag(path, &first) {
             let tables = super::bags::tables(path, self.topic, &mut self.start)?;
             let table = |own: regen_bags::Table| {
                 Ok(Table {
@@ -155,6 +216,8 @@ impl Opening<'_> {
                     titles: super::bags::titles(&own)?,
                     named: true,
                     unended_length: None,
+                    part: None,
+                    parsed: ParsedColumns::default(),
                     kind: Kind::Bag(own),
                 })
             };
@@ -165,13 +228,15 @@ impl Opening<'_> {
             return Err(unsupported(path, "recording", "bags"));
         }
         #[cfg(feature = "arrays")]
-        if regen_arrays::is_arrays(path) {
+        if regen_arrays::is_arrays(&first) {
             let tables = super::arrays::tables(path, self.time)?;
             let table = |own: regen_arrays::Table| Table {
                 path: path.to_path_buf(),
                 titles: own.titles().to_vec(),
                 named: true,
                 unended_length: None,
+                part: None,
+                parsed: ParsedColumns::default(),
                 kind: Kind::Arrays(own),
             };
             return Ok(tables.into_iter().map(table).collect());
@@ -180,40 +245,40 @@ impl Opening<'_> {
         if is_arrays(path) {
             return Err(unsupported(path, "file of arrays", "arrays"));
         }
-        Ok(vec![self.table(path)?])
-    }
-
-    /// Finds the format of a CSV or Parquet file.
-    fn table(&mut self, path: &Path) -> Result<Table, DataError> {
-        if is_parquet(path) {
+        if first.starts_with(&PARQUET_MAGIC) {
             #[cfg(feature = "parquet")]
             {
                 let (titles, contents) = super::parquet::contents(path, self.episode)?;
-                return Ok(Table {
+                return Ok(vec![Table {
                     path: path.to_path_buf(),
                     titles,
                     named: true,
                     unended_length: None,
+                    part: None,
+                    parsed: ParsedColumns::default(),
                     kind: Kind::Parquet(contents),
-                });
+                }]);
             }
             #[cfg(not(feature = "parquet"))]
             return Err(unsupported(path, "Parquet file", "parquet"));
         }
-        let mut written = Written::find(path, self.format).map_err(|error| DataError::Io {
-            file: path.display().to_string(),
-            why: error.to_string(),
-        })?;
+        let file = match file {
+            Some(file) => file,
+            None => File::open(path).map_err(io)?,
+        };
+        let mut written = Written::find(&file, self.format).map_err(io)?;
         if let Some(own) = written.dated {
             written.dated = Some(*self.dated.get_or_insert(own));
         }
-        Ok(Table {
+        Ok(vec![Table {
             path: path.to_path_buf(),
             titles: written.titles.clone(),
             named: written.has_header(),
-            unended_length: unended_length(path),
-            kind: Kind::Csv(written),
-        })
+            unended_length: unended_length(&file),
+            part: None,
+            parsed: ParsedColumns::default(),
+            kind: Kind::Csv(written, Arc::new(Mutex::new(Some(Arc::new(file))))),
+        }])
     }
 }
 
@@ -285,11 +350,31 @@ impl Table {
 
     /// Whether the file is a Parquet file, which may have episodes.
     pub(super) fn is_parquet(&self) -> bool {
-        !matches!(self.kind, Kind::Csv(_)) && is_parquet(&self.path)
+        match &self.kind {
+            #[cfg(feature = "parquet")]
+            Kind::Parquet(_) => true,
+            _ => false,
+        }
     }
 
-    /// The rows of some columns, from the first row on.
-    pub(super) fn rows(&self, wanted: Vec<Wanted>) -> Result<FileRows<'_>, DataError> {
+    /// Whether the file is a text.
+    pub(super) fn is_text(&self) -> bool {
+        matches!(self.kind, Kind::Csv(..))
+    }
+
+    /// The columns in memory.
+    pub(super) fn parsed(&self) -> &ParsedColumns {
+        &self.parsed
+    }
+
+    /// The rows of some columns, from the first row of [`part`](Self::part) on; what of them is not in memory
+    /// is read before.
+    pub(super) fn rows(&self, wanted: &[Wanted]) -> Result<ParsedRows, DataError> {
+        self.parsed.rows(self, wanted)
+    }
+
+    /// The rows of some columns as they are in the file, from the first row of the file on.
+    pub(super) fn stream(&self, wanted: Vec<Wanted>) -> Result<FileRows<'_>, DataError> {
         match &self.kind {
             #[cfg(feature = "parquet")]
             Kind::Parquet(contents) => Ok(FileRows::Parquet(super::parquet::ParquetRows::open(
@@ -303,7 +388,17 @@ impl Table {
             Kind::Arrays(table) => Ok(FileRows::Arrays(super::arrays::ArrayRows::open(
                 table, wanted,
             )?)),
-            Kind::Csv(written) => Ok(FileRows::Csv(CsvRows::open(self, written, wanted)?)),
+            Kind::Csv(written, opened) => {
+                let opened = opened.lock().unwrap_or_else(PoisonError::into_inner).take();
+                let file = match opened {
+                    Some(file) => file,
+                    None => Arc::new(File::open(&self.path).map_err(|error| DataError::Io {
+                        file: self.path.display().to_string(),
+                        why: error.to_string(),
+                    })?),
+                };
+                Ok(FileRows::Csv(CsvRows::open(self, written, file, wanted)?))
+            }
         }
     }
 }

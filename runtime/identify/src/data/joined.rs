@@ -3,8 +3,9 @@
 
 use std::collections::VecDeque;
 
-use super::file_rows::{FileRow, FileRows, Wanted};
+use super::file_rows::Wanted;
 use super::layout::Channel;
+use super::parsed::ParsedRows;
 use super::problem::{DataError, Problem, median};
 use super::reader::{LogFile, LogRow};
 use super::resample::between;
@@ -19,8 +20,8 @@ const SAME_TIME: f64 = 1e-6;
 /// The rows of a run, from the first one on.
 pub(super) struct JoinedRows<'a> {
     file: &'a LogFile,
-    sources: Vec<Source<'a>>,
-    /// The number of rows read so far.
+    sources: Vec<Source>,
+    /// The number of rows of the files so far.
     count: u64,
     /// Whether the last good row was within the times that are read.
     inside: bool,
@@ -28,6 +29,8 @@ pub(super) struct JoinedRows<'a> {
     outside: Option<(f64, f64)>,
     /// The last row.
     row: LogRow,
+    /// The numbers of one file in it.
+    numbers: Vec<f64>,
 }
 
 /// What a row of all files turned out to be.
@@ -41,10 +44,10 @@ enum Found {
 }
 
 /// The columns of one file.
-struct Source<'a> {
+struct Source {
     /// The index of the file in the run.
     place: usize,
-    rows: FileRows<'a>,
+    rows: ParsedRows,
     /// For each column that is read, its entry in a row of the run.
     entries: Vec<usize>,
     /// The rows around the current time, for a file that is joined by time and is not the first.
@@ -88,26 +91,26 @@ impl<'a> JoinedRows<'a> {
                     column: index,
                     title,
                 };
-                let mut clock = table.rows(vec![first.clone()])?;
                 wanted.insert(0, first);
+                let mut clock = table.rows(&wanted)?;
                 track = Some(Track {
                     time,
                     recent: VecDeque::new(),
                     ended: false,
-                    usual_step: usual_step(&mut clock, time)?,
+                    usual_step: usual_step(&mut clock, time),
                 });
             }
             // a file without columns of interest is not read
             if !entries.is_empty() {
                 sources.push(Source {
                     place,
-                    rows: table.rows(wanted)?,
+                    rows: table.rows(&wanted)?,
                     entries,
                     track,
                 });
             }
         }
-        let by_row = |source: &&Source<'_>| source.track.is_none();
+        let by_row = |source: &&Source| source.track.is_none();
         let mut paths = Vec::new();
         for source in sources.iter().filter(by_row) {
             let path = file.tables.get(source.place).map(|table| &table.path);
@@ -125,7 +128,7 @@ impl<'a> JoinedRows<'a> {
         Ok(Self {
             file,
             sources,
-            count: 0,
+            count: file.rows_before(),
             // a faulty row before the first good one counts only if all times are read
             inside: file.run.times.is_none(),
             outside: None,
@@ -134,6 +137,7 @@ impl<'a> JoinedRows<'a> {
                 values: vec![0.0; file.layout.channels.len()],
                 bridged: false,
             },
+            numbers: Vec::new(),
         })
     }
 
@@ -154,7 +158,7 @@ impl<'a> JoinedRows<'a> {
             {
                 return Ok(None);
             }
-            let Some(found) = self.read()? else {
+            let Some(found) = self.read_all()? else {
                 return Ok(None);
             };
             self.count += 1;
@@ -191,7 +195,7 @@ impl<'a> JoinedRows<'a> {
     }
 
     /// Reads the next row of all files; `None` behind the last one.
-    fn read(&mut self) -> Result<Option<Found>, DataError> {
+    fn read_all(&mut self) -> Result<Option<Found>, DataError> {
         let channels = &self.file.layout.channels;
         let LogRow { line, values, .. } = &mut self.row;
         for (value, channel) in values.iter_mut().zip(channels) {
@@ -202,37 +206,27 @@ impl<'a> JoinedRows<'a> {
         let mut lacking = false;
         let mut ended = Vec::new();
         for (order, source) in self.sources.iter_mut().enumerate() {
-            let found = match &mut source.track {
-                Some(track) => {
-                    if fault.is_none() && !lacking {
-                        let time = values.first().copied().unwrap_or(f64::NAN);
-                        match track.at(&mut source.rows, time)? {
-                            Some(found) => fill(values, channels, &source.entries, &found),
-                            None => lacking = true,
-                        }
+            if let Some(track) = &mut source.track {
+                if fault.is_none() && !lacking {
+                    let time = values.first().copied().unwrap_or(f64::NAN);
+                    match track.at(&mut source.rows, time) {
+                        Some(found) => fill(values, channels, &source.entries, &found),
+                        None => lacking = true,
                     }
-                    continue;
                 }
-                None => source.rows.next_row()?,
-            };
-            let Some(FileRow {
-                line: own,
-                values: found,
-            }) = found
-            else {
+                continue;
+            }
+            let Some((own, why)) = source.rows.next_row(&mut self.numbers) else {
                 ended.push(source.place);
                 continue;
             };
             if order == 0 {
                 *line = own;
             }
-            match found {
-                Ok(found) => {
-                    fill(values, channels, &source.entries, &found);
-                    source.rows.reuse(found);
-                }
-                Err(what) => {
-                    fault.get_or_insert(Problem::of(own, what));
+            match why {
+                None => fill(values, channels, &source.entries, &self.numbers),
+                Some(what) => {
+                    fault.get_or_insert_with(|| Problem::of(own, what.clone()));
                 }
             }
         }
@@ -286,24 +280,24 @@ fn fill(values: &mut [f64], channels: &[Channel], entries: &[usize], found: &[f6
 }
 
 /// The median time step of a file's first rows, s.
-fn usual_step(rows: &mut FileRows<'_>, time: Channel) -> Result<f64, DataError> {
-    let mut times = Vec::new();
+fn usual_step(rows: &mut ParsedRows, time: Channel) -> f64 {
+    let (mut times, mut values) = (Vec::new(), Vec::new());
     while times.len() < STEP_ROWS
-        && let Some(row) = rows.next_row()?
+        && let Some((_, why)) = rows.next_row(&mut values)
     {
-        if let Ok(values) = row.values {
+        if why.is_none() {
             times.extend(values.first().map(|t| time.convert(*t)));
         }
     }
     let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
     let steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
-    Ok(median(&steps))
+    median(&steps)
 }
 
 impl Track {
     /// The numbers of the file at a time, s; `None` outside the file's times and within a gap. Times
     /// must not decrease from call to call.
-    fn at(&mut self, rows: &mut FileRows<'_>, time: f64) -> Result<Option<Vec<f64>>, DataError> {
+    fn at(&mut self, rows: &mut ParsedRows, time: f64) -> Option<Vec<f64>> {
         // keep the last two rows before the current time, and read two after it
         let mut passed;
         loop {
@@ -315,44 +309,38 @@ impl Track {
             if self.ended || self.recent.len() >= passed + 2 {
                 break;
             }
-            self.read(rows)?;
+            self.read(rows);
         }
-        let Some(left) = passed.checked_sub(1) else {
-            return Ok(None);
-        };
-        let Some((before, values)) = self.recent.get(left) else {
-            return Ok(None);
-        };
+        let left = passed.checked_sub(1)?;
+        let (before, values) = self.recent.get(left)?;
         if (time - before).abs() <= SAME_TIME * self.usual_step {
-            return Ok(Some(values.clone()));
+            return Some(values.clone());
         }
-        let Some((after, next)) = self.recent.get(left + 1) else {
-            return Ok(None);
-        };
+        let (after, next) = self.recent.get(left + 1)?;
         if (after - time).abs() <= SAME_TIME * self.usual_step {
-            return Ok(Some(next.clone()));
+            return Some(next.clone());
         }
         if after - before > GAP_STEPS * self.usual_step {
-            return Ok(None);
+            return None;
         }
-        Ok(Some(between(&self.recent, left, time)))
+        Some(between(&self.recent, left, time))
     }
 
     /// Reads the next usable row; rows whose times are out of order are not usable.
-    fn read(&mut self, rows: &mut FileRows<'_>) -> Result<(), DataError> {
+    fn read(&mut self, rows: &mut ParsedRows) {
         loop {
-            let Some(row) = rows.next_row()? else {
+            let mut values = Vec::new();
+            let Some((_, why)) = rows.next_row(&mut values) else {
                 self.ended = true;
-                return Ok(());
+                return;
             };
-            let Ok(mut values) = row.values else { continue };
-            if values.is_empty() {
+            if why.is_some() || values.is_empty() {
                 continue;
             }
             let time = self.time.convert(values.remove(0));
             if self.recent.back().is_none_or(|last| time > last.0) {
                 self.recent.push_back((time, values));
-                return Ok(());
+                return;
             }
         }
     }

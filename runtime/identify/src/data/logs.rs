@@ -6,7 +6,6 @@ use super::bridge::Bridged;
 use super::policy::{Policies, Policy};
 use super::problem::{DataError, Problem, Problems};
 use super::reader::{LogFile, LogRow, RowSink, Survey};
-use super::row_cache::{MAX_NUMBERS, RowCache};
 use super::run::Run;
 use super::sample::Spikes;
 use super::settings::Settings;
@@ -118,7 +117,8 @@ const MIN_POSE_TRAVEL: f64 = 0.02;
 /// its time there.
 const STICKING_PART: f64 = 0.05;
 
-/// Log files of one robot, as a [`Source`] of states; memory does not grow with their length.
+/// Log files of one robot, as a [`Source`] of states; their columns are held in memory, see
+/// [`ParsedFiles`](super::ParsedFiles).
 ///
 /// ```
 /// # mod models {
@@ -173,16 +173,13 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let info = model.info();
         let policies = settings.policies();
         let names: Vec<String> = info.coordinates.iter().map(|n| (*n).to_owned()).collect();
-        let mut room = MAX_NUMBERS;
         let mut files = Vec::with_capacity(runs.len());
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
-            let mut file = LogFile::open(&run.clone().into(), &info, settings)?;
+            let file = LogFile::open(&run.clone().into(), &info, settings)?;
             require_names(&file.name, &info, settings)?;
             require_measured(&file, &info, settings)?;
-            file.cache = RowCache::with_capacity(room);
             let survey = file.survey(&names)?;
-            room -= file.cache.numbers().min(room);
             let mut problems = Problems::default();
             let mut rows = 0;
             let mut fit = match settings.method {

@@ -22,7 +22,7 @@ pub(super) use self::contents::{Contents, contents};
 use self::guard::catch_panic;
 use self::pages::Pages;
 use super::file_rows::{FileRow, Wanted};
-use super::problem::{DataError, Fault};
+use super::problem::DataError;
 
 /// Rows decoded at a time.
 const BATCH: usize = 4096;
@@ -374,10 +374,7 @@ impl ParquetRows {
             && let Some(row) = self.advance()?
         {
             if row >= first {
-                return Ok(Some(FileRow {
-                    line: row,
-                    values: self.values(),
-                }));
+                return Ok(Some(self.row(row)));
             }
         }
         Ok(None)
@@ -446,28 +443,21 @@ impl ParquetRows {
         Ok(())
     }
 
-    /// The numbers of the present row.
-    fn values(&self) -> Result<Vec<f64>, Fault> {
+    /// The present row.
+    fn row(&self, line: u64) -> FileRow {
         let row = self.place.0 - 1;
-        let mut values = Vec::with_capacity(self.wanted.len() + 1);
-        for (wanted, (leaf, place)) in self.wanted.iter().zip(&self.places) {
+        let entries = self.places.iter().map(|(leaf, place)| {
             let (element, width) = place.element.unwrap_or((0, 1));
             let entry = self.entries.get(*leaf);
             let entry = entry.and_then(|all| all.get(row * width + element));
             match entry.copied().flatten() {
-                Some(value) if value.is_finite() => values.push(match place.rate {
+                Some(value) if value.is_finite() => Ok(match place.rate {
                     Some(rate) => contents::restored(value, rate),
                     None => value,
                 }),
-                other => {
-                    let text = other.map_or_else(|| "null".to_owned(), |x| format!("{x}"));
-                    return Err(Fault::NotANumber {
-                        column: wanted.title.clone(),
-                        text,
-                    });
-                }
+                other => Err(other.map_or_else(|| "null".to_owned(), |x| format!("{x}"))),
             }
-        }
-        Ok(values)
+        });
+        FileRow::new(line, &self.wanted, entries, Vec::new())
     }
 }

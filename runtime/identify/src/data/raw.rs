@@ -176,25 +176,34 @@ fn numeric(tables: &[Table]) -> Result<Vec<usize>, DataError> {
     let mut out = Vec::new();
     let mut before = 0;
     for table in tables {
-        for (column, title) in table.titles.iter().enumerate() {
-            let wanted = Wanted {
-                column,
-                title: title.clone(),
-            };
-            // a column that the format cannot read as numbers has none
-            let Ok(mut rows) = table.rows(vec![wanted]) else {
+        let all: Vec<Wanted> = (table.titles.iter().cloned().enumerate())
+            .map(|(column, title)| Wanted { column, title })
+            .collect();
+        // a column that the format cannot read as numbers has none, and would be an error beside others
+        let parts: Vec<Vec<Wanted>> = if table.is_text() {
+            vec![all]
+        } else {
+            all.into_iter().map(|own| vec![own]).collect()
+        };
+        for wanted in parts {
+            let columns: Vec<usize> = wanted.iter().map(|own| own.column).collect();
+            let Ok(mut rows) = table.stream(wanted) else {
                 continue;
             };
-            let (mut good, mut all) = (0, 0);
+            let (mut bad, mut all) = (vec![0; columns.len()], 0);
             while all < PROBED_ROWS
                 && let Some(row) = rows.next_row()?
             {
                 all += 1;
-                good += usize::from(row.values.is_ok());
+                for fault in row.faults {
+                    match fault.column.and_then(|place| bad.get_mut(place)) {
+                        Some(count) => *count += 1,
+                        None => bad.iter_mut().for_each(|count| *count += 1),
+                    }
+                }
             }
-            if 2 * good >= all {
-                out.push(before + column);
-            }
+            let pairs = columns.iter().zip(bad);
+            out.extend(pairs.filter_map(|(c, bad)| (2 * bad <= all).then_some(before + c)));
         }
         before += table.titles.len();
     }

@@ -9,17 +9,17 @@ use super::dropouts::{Dropout, DropoutFinder};
 use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
 use super::layout::{ColumnLayout, Search, Unfit};
+use super::parsed::ParsedColumns;
 use super::policy::{Gaps, Policy, UsedFaults};
 use super::problem::{DataError, Problem, median};
 use super::rates::{ACCELERATIONS, Pair, Rates, Strictness, VELOCITIES};
 use super::resample::Resampler;
-use super::row_cache::{RecordSink, RowCache};
 use super::row_checker::RowChecker;
-use super::run::Run;
+use super::run::{Join, Run};
 use super::settings::Settings;
 
 use super::sample::Spikes;
-use super::spikes::{SpikeFinder, said_of};
+use super::spikes::{Spike, SpikeFinder, said_of};
 use super::stale::StaleFinder;
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
 use crate::text;
@@ -36,7 +36,37 @@ pub(super) struct LogRow {
     pub(super) bridged: bool,
 }
 
-/// Statistics of a whole log file, gathered in a first pass before its rows are used.
+/// What is gathered in a first pass over all rows of a run, however they are used later.
+#[derive(Debug)]
+pub(super) struct Statistics {
+    /// See [`Survey`], as all that follows.
+    raw_step: f64,
+    extremes: Vec<(f64, f64)>,
+    stuck: BTreeMap<u64, Vec<Stuck>>,
+    dropouts: Vec<Dropout>,
+    /// The spikes of each effort.
+    spikes: Vec<Vec<Spike>>,
+    position_changes: Vec<PositionChanges>,
+    off_rows: BTreeMap<u64, (usize, OffRow)>,
+    held: Vec<usize>,
+    jumps: BTreeMap<u64, Vec<(usize, f64)>>,
+    doubted_rate: Option<(String, String)>,
+    uncut: Option<(f64, f64)>,
+}
+
+/// The rows of which statistics were gathered.
+#[derive(PartialEq)]
+pub(super) struct Surveyed {
+    tables: Vec<ParsedColumns>,
+    rows: Option<(u64, u64)>,
+    times: Option<(f64, f64)>,
+    join: Join,
+    layout: ColumnLayout,
+    rate: Option<f64>,
+    poses: bool,
+}
+
+/// Statistics of all rows of a run, with what follows from how faulty rows are used.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Survey {
     /// The median time step between rows of the log, s.
@@ -148,8 +178,6 @@ pub(super) struct LogFile {
     pub(super) bridging: Option<Bridging>,
     /// Whether a position that repeats alone may be bridged.
     bridges_stuck: bool,
-    /// The rows, after the first pass, if they fit.
-    pub(super) cache: RowCache,
 }
 
 impl LogFile {
@@ -198,7 +226,7 @@ impl LogFile {
         };
         let mut tables = Vec::with_capacity(run.files.len());
         for path in &run.files {
-            tables.extend(opening.tables(path)?);
+            tables.extend(run.parsed.tables(path, &mut opening)?);
         }
         if let (Some(topic), None) = (topic, opening.start) {
             return Err(unfit(&format!(
@@ -225,6 +253,9 @@ impl LogFile {
             tables = used;
             found = layout(&tables, search).map_err(|unfit| unfit.of(&name))?;
         }
+        if let [table] = &mut tables[..] {
+            table.part = run.rows;
+        }
         Ok(Self {
             name,
             layout: found,
@@ -241,14 +272,63 @@ impl LogFile {
             bridging: settings.bridging(),
             bridges_stuck: !settings.checks.stuck.is_some_and(|own| own != Policy::Drop)
                 && !settings.used_faults().stuck,
-            cache: RowCache::with_capacity(0),
         })
     }
 
-    /// Reads the file once for the statistics of all its rows.
+    /// Statistics of all rows of the run, which are gathered in the first pass over them.
     ///
     /// - `names`: the names of all coordinates.
     pub(super) fn survey(&self, names: &[String]) -> Result<Survey, DataError> {
+        let surveyed = Surveyed {
+            tables: self.tables.iter().map(Table::parsed).cloned().collect(),
+            rows: self.run.rows,
+            times: self.run.times,
+            join: self.run.join,
+            layout: self.layout.clone(),
+            rate: self.rate,
+            poses: self.poses,
+        };
+        let found = (self.run.parsed).statistics(surveyed, || self.statistics(names))?;
+        if let Some(rate) = self.resample
+            && rate * found.raw_step < MIN_RESAMPLED_RATE
+        {
+            let own = text::figure_of(3, 1.0 / found.raw_step);
+            return Err(self.unfit(format!(
+                "a grid of {rate} Hz is too coarse for rows at {own} Hz: what they have of higher \
+                 frequencies would appear at lower ones; resample at about {own} Hz, and decimate \
+                 behind a filter"
+            )));
+        }
+        if let Some(rate) = self.resample
+            && rate * found.raw_step > MAX_RESAMPLED_RATE
+        {
+            return Err(self.unfit(format!(
+                "a grid of {rate} Hz has far more rows than the log, at {} Hz: is its time in \
+                 another unit?",
+                text::figure(1.0 / found.raw_step)
+            )));
+        }
+        let mut stuck = found.stuck.clone();
+        let mut dropouts = self.dropouts(&found.dropouts, &mut stuck);
+        let spikes = self.spikes(&found.spikes, &mut dropouts);
+        Ok(Survey {
+            raw_step: found.raw_step,
+            time_step: self.resample.map_or(found.raw_step, |rate| 1.0 / rate),
+            extremes: found.extremes.clone(),
+            stuck,
+            dropouts,
+            spikes,
+            position_changes: found.position_changes.clone(),
+            off_rows: found.off_rows.clone(),
+            held: found.held.clone(),
+            jumps: found.jumps.clone(),
+            doubted_rate: found.doubted_rate.clone(),
+            uncut: found.uncut,
+        })
+    }
+
+    /// Gathers the statistics of all rows of the run.
+    fn statistics(&self, names: &[String]) -> Result<Statistics, DataError> {
         let mut times: Vec<f64> = Vec::new();
         let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
         let positions = self.layout.positions();
@@ -423,37 +503,14 @@ impl LogFile {
         for (line, off) in between {
             off_rows.entry(line).or_insert(off);
         }
-        let mut dropouts = self.dropouts(finder.finish(self.layout.efforts()), &mut stuck);
-        let spikes = self.spikes(spikes, &mut dropouts);
         let time_steps = times.windows(2).map(|pair| pair[1] - pair[0]);
         let time_steps: Vec<f64> = time_steps.filter(|step| *step > 0.0).collect();
-        let raw_step = median(&time_steps);
-        if let Some(rate) = self.resample
-            && rate * raw_step < MIN_RESAMPLED_RATE
-        {
-            let own = text::figure_of(3, 1.0 / raw_step);
-            return Err(self.unfit(format!(
-                "a grid of {rate} Hz is too coarse for rows at {own} Hz: what they have of higher \
-                 frequencies would appear at lower ones; resample at about {own} Hz, and decimate \
-                 behind a filter"
-            )));
-        }
-        if let Some(rate) = self.resample
-            && rate * raw_step > MAX_RESAMPLED_RATE
-        {
-            return Err(self.unfit(format!(
-                "a grid of {rate} Hz has far more rows than the log, at {} Hz: is its time in \
-                 another unit?",
-                text::figure(1.0 / raw_step)
-            )));
-        }
-        Ok(Survey {
-            raw_step,
-            time_step: self.resample.map_or(raw_step, |rate| 1.0 / rate),
+        Ok(Statistics {
+            raw_step: median(&time_steps),
             extremes,
             stuck,
-            dropouts,
-            spikes,
+            dropouts: finder.finish(self.layout.efforts()),
+            spikes: spikes.finish(),
             position_changes,
             off_rows,
             held: stale.into_iter().map(StaleFinder::finish).collect(),
@@ -467,7 +524,7 @@ impl LogFile {
     /// than a gap that is bridged; of stuck encoders those remain that are no dropout.
     fn dropouts(
         &self,
-        found: Vec<Dropout>,
+        found: &[Dropout],
         stuck: &mut BTreeMap<u64, Vec<Stuck>>,
     ) -> BTreeMap<u64, Vec<Dropout>> {
         let positions = self.layout.positions();
@@ -485,7 +542,7 @@ impl LogFile {
                 stretches.retain(|own| own.last > dropout.last);
             }
             if self.used_faults.gaps != Gaps::Keep {
-                out.entry(dropout.first).or_default().push(dropout);
+                out.entry(dropout.first).or_default().push(dropout.clone());
             }
         }
         out
@@ -495,12 +552,11 @@ impl LogFile {
     /// over, they are added to the dropouts: the efforts of these rows count as missing.
     fn spikes(
         &self,
-        found: SpikeFinder,
+        found: &[Vec<Spike>],
         dropouts: &mut BTreeMap<u64, Vec<Dropout>>,
     ) -> Vec<Spikes> {
-        let found = found.finish();
         if self.bridges_spikes() {
-            for (entry, spikes) in self.layout.efforts().zip(&found) {
+            for (entry, spikes) in self.layout.efforts().zip(found) {
                 for spike in spikes {
                     dropouts.entry(spike.line).or_default().push(Dropout {
                         first: spike.line,
@@ -531,19 +587,23 @@ impl LogFile {
 
     /// Passes each row, or why it cannot be used, to `each`.
     ///
-    /// Returns the first and the last time, s, of the rows outside the times that are asked for, where
-    /// the file is read and has such rows.
+    /// Returns the first and the last time, s, of the rows outside the times that are asked for; `None` if
+    /// there are none.
     fn records(&self, each: &mut RecordSink<'_>) -> Result<Option<(f64, f64)>, DataError> {
-        let mut outside = None;
-        self.cache.visit(each, |each| {
-            let mut rows = JoinedRows::open(self)?;
-            while let Some(row) = rows.next_row()? {
-                each(row)?;
-            }
-            outside = rows.outside();
-            Ok(())
-        })?;
-        Ok(outside)
+        let mut rows = JoinedRows::open(self)?;
+        while let Some(row) = rows.next_row()? {
+            each(row)?;
+        }
+        Ok(rows.outside())
+    }
+
+    /// The number of rows before the first one in memory.
+    pub(super) fn rows_before(&self) -> u64 {
+        let part = match &self.tables[..] {
+            [table] => table.part,
+            _ => None,
+        };
+        part.map_or(0, |(first, _)| first.saturating_sub(1))
     }
 
     /// Passes the good rows to `each`, on the even grid if there is one, each with whether it
@@ -629,6 +689,9 @@ impl LogFile {
         checker.finish(problem, each)
     }
 }
+
+/// Receives each row, or the problem for which it cannot be used.
+type RecordSink<'a> = dyn FnMut(Result<&LogRow, Problem>) -> Result<(), DataError> + 'a;
 
 /// Receives each row with whether it follows the one before without a gap.
 pub(super) type RowSink<'a> = dyn FnMut(&LogRow, bool) -> Result<(), DataError> + 'a;

@@ -3,6 +3,8 @@
 use core::fmt;
 use std::path::{Path, PathBuf};
 
+use super::parsed::ParsedFiles;
+
 /// How the rows of files that are read together correspond.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Join {
@@ -49,6 +51,8 @@ pub struct Run {
     pub rows: Option<(u64, u64)>,
     /// The first and the last time that is read, s, in the log's own time; `None` for all.
     pub times: Option<(f64, f64)>,
+    /// What has been read of its files.
+    pub parsed: ParsedFiles,
 }
 
 impl Run {

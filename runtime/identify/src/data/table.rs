@@ -2,8 +2,7 @@
 //! found from the first rows.
 
 use std::fs::File;
-use std::io::{self, Read};
-use std::path::Path;
+use std::io::{self, Read, Seek, SeekFrom};
 
 use csv::{Reader, ReaderBuilder};
 
@@ -90,11 +89,10 @@ const MAX_COLUMNS: usize = 5000;
 
 impl Written {
     /// Finds how a file is written from its first rows.
-    pub(super) fn find(path: &Path, asked: Format) -> io::Result<Self> {
+    pub(super) fn find(mut file: &File, asked: Format) -> io::Result<Self> {
         let mut bytes = Vec::new();
-        File::open(path)?
-            .take(SAMPLE_BYTES)
-            .read_to_end(&mut bytes)?;
+        file.seek(SeekFrom::Start(0))?;
+        file.take(SAMPLE_BYTES).read_to_end(&mut bytes)?;
         // a row that the end of the sample cuts off is not examined, unless it is the only one
         if bytes.len() as u64 == SAMPLE_BYTES
             && let Some(end) = bytes.iter().rposition(|byte| *byte == b'\n')
@@ -182,14 +180,14 @@ impl Written {
     }
 
     /// A reader of rows of any length, which ignores comments.
-    pub(super) fn reader(&self, file: File) -> Reader<Limited<File>> {
+    pub(super) fn reader<R: Read>(&self, file: R) -> Reader<Limited<R>> {
         builder(self.separator.byte(), self.comment)
             .has_headers(false)
             .from_reader(Limited::new(file))
     }
 
     /// A reader of the row of names, which may stand in a comment of MATLAB.
-    pub(super) fn header_reader(&self, file: File) -> Reader<Limited<File>> {
+    pub(super) fn header_reader<R: Read>(&self, file: R) -> Reader<Limited<R>> {
         builder(self.separator.byte(), COMMENT).from_reader(Limited::new(file))
     }
 
@@ -252,7 +250,7 @@ mod tests {
         let name = format!("regen-table-{}-{}", std::process::id(), text.len());
         let path = std::env::temp_dir().join(name);
         std::fs::write(&path, text).unwrap();
-        let found = Written::find(&path, asked).unwrap();
+        let found = Written::find(&File::open(&path).unwrap(), asked).unwrap();
         std::fs::remove_file(&path).unwrap();
         (
             char::from(found.separator.byte()),
@@ -302,7 +300,7 @@ mod tests {
                 text.len()
             ));
             std::fs::write(&path, text).unwrap();
-            let found = Written::find(&path, Format::default()).unwrap();
+            let found = Written::find(&File::open(&path).unwrap(), Format::default()).unwrap();
             std::fs::remove_file(&path).unwrap();
             assert_eq!(char::from(found.separator.byte()), separator, "{text}");
             // empty lines and comments before the first row count to it
@@ -318,7 +316,7 @@ mod tests {
         let name = format!("regen-wide-{}", std::process::id());
         let path = std::env::temp_dir().join(name);
         std::fs::write(&path, "1,".repeat(MAX_COLUMNS)).unwrap();
-        let error = Written::find(&path, Format::default()).unwrap_err();
+        let error = Written::find(&File::open(&path).unwrap(), Format::default()).unwrap_err();
         std::fs::remove_file(&path).unwrap();
         assert!(error.to_string().contains("5001 columns"), "{error}");
     }

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 use super::shape::{Sink, below};
 use super::{Payload, PlannedRun, Purpose, columns};
-use crate::data::{Join, Run};
+use crate::data::{Join, ParsedFiles, Run};
 use crate::document::Node;
 
 /// Where the parts of a run stand in the file, for messages that later checks give; a part that is
@@ -103,6 +103,7 @@ fn run(node: &Node, path: &str, sink: &mut Sink) -> Run {
         episode,
         rows,
         times,
+        parsed: ParsedFiles::default(),
     }
 }
 

@@ -181,7 +181,7 @@ fn products<const N: usize>(w: &[f64], values: &[f64]) -> [f64; N] {
 
 /// Identifies base parameters from a log: the estimate, its residuals, and the covariance that
 /// accounts for their correlation. This takes several passes over the equations; a log whose
-/// equations are too many to be stored (64 MiB) is read again in each.
+/// equations are too many to be stored (512 MiB) is read again in each.
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model, or leaves parameters undetermined.

@@ -7,9 +7,9 @@ use crate::estimate::{EstimateError, Origin};
 use crate::states::Source;
 use regen_runtime::BaseModel;
 
-/// The largest number of values that are stored: 64 MiB. Longer logs are read again in each pass,
-/// so that memory does not grow with them.
-const MAX_NUMBERS: usize = 1 << 23;
+/// The largest number of values that are stored: 512 MiB. The equations of longer logs are computed again in each
+/// pass.
+const MAX_NUMBERS: usize = 1 << 26;
 
 /// The equations of a log: computed in the first pass and stored, unless there are too many.
 pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {

@@ -214,7 +214,7 @@ fn rows_of(
     let mut rows = ParquetRows::open(path, contents, wanted)?;
     let mut all: Vec<(i64, u64, u64)> = Vec::new();
     while let Some(row) = rows.next_row()? {
-        let Some(index) = row.values.ok().and_then(|values| values.first().copied()) else {
+        let Some(index) = row.values.first().filter(|index| index.is_finite()) else {
             continue;
         };
         let index = index.round() as i64;
