@@ -79,6 +79,8 @@ pub(super) struct Log {
     pub(super) velocity_noise: Vec<Encoder>,
     /// Whether gaps or rows that are left out divide it.
     pub(super) divided: bool,
+    /// Whether all rows of the file are used as they are, each following the one before.
+    pub(super) is_whole: bool,
     /// Rows in memory that take the place of those of the file, one list for each stretch without a
     /// gap.
     pub(super) kept: Option<Vec<Vec<LogRow>>>,
@@ -92,6 +94,9 @@ impl Log {
         each: &mut RowSink<'_>,
     ) -> Result<(), DataError> {
         let Some(kept) = &self.kept else {
+            if self.is_whole {
+                return self.file.unchecked_rows(each);
+            }
             self.file.rows(&self.survey, problem, each)?;
             return Ok(());
         };
@@ -156,6 +161,8 @@ pub struct Logs<'m, M: ?Sized> {
     pub(super) settings: Settings,
     pub(super) files: Vec<Log>,
     pub(super) reports: Vec<FileReport>,
+    /// The number of rows to one state.
+    pub(super) states_every: usize,
 }
 
 impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
@@ -181,7 +188,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             require_measured(&file, &info, settings)?;
             let survey = file.survey(&names)?;
             let mut problems = Problems::default();
-            let mut rows = 0;
+            let (mut rows, mut rows_in_all) = (0, 0);
             let mut fit = match settings.method {
                 Method::Fourier {
                     frequency,
@@ -210,6 +217,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 &mut |problem| problems.add(problem),
                 &mut |row, follows| {
                     let time = row.values.first().copied().unwrap_or(0.0);
+                    rows_in_all += 1;
                     if !follows {
                         start = time;
                         segments += 1;
@@ -271,6 +279,10 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let are_poses = (constant.clone()).any(|(_, encoder)| encoder.travel > MIN_POSE_TRAVEL);
             let still = constant.filter_map(|((_, c), _)| info.coordinates.get(*c));
             let repeats = repeated(&sketch, &reports);
+            let is_whole = segments == 1
+                && rows_in_all == rows
+                && problems.total() == 0
+                && settings.resample.is_none();
             reports.push(FileReport {
                 repeats,
                 sketch,
@@ -312,6 +324,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 encoders,
                 velocity_noise,
                 kept: None,
+                is_whole,
                 divided: segments > 1,
             });
         }
@@ -320,6 +333,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             settings: settings.clone(),
             files,
             reports,
+            states_every: 1,
         })
     }
 
@@ -374,7 +388,10 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
         each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), DataError> {
         let info = self.model.info();
-        for (log, report) in self.files.iter().zip(&mut self.reports) {
+        let one = |log: &Log| Ok((self.fewer_states(log)?, self.support(log)?));
+        let spans: Result<Vec<_>, DataError> = self.files.iter().map(one).collect();
+        let files = self.files.iter().zip(&mut self.reports);
+        for ((log, report), (fewer, support)) in files.zip(spans?) {
             let deviation = |&c: &usize| {
                 let name = info.coordinates.get(c).copied().unwrap_or_default();
                 let given = self.settings.deviations.iter().find(|(n, _)| n == name);
@@ -389,7 +406,8 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                 settings: &self.settings,
                 completion: Completion::new(self.model, measured, &deviations)?,
                 model: self.model,
-                support: support(log, &self.settings)?,
+                fewer,
+                support,
                 sign_thresholds: sign_thresholds(log, &self.settings)?,
                 unmeasured: Unmeasured::all(self.model, measured)?,
                 left_out: vec![false; info.dof()],
@@ -457,7 +475,19 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
     }
 
     fn filtering(&self) -> Filtering {
-        self.settings.filtering()
+        Filtering {
+            decimation: self.settings.decimation / self.states_every,
+            ..self.settings.filtering()
+        }
+    }
+}
+
+impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
+    /// The number of rows on either side that a state depends on.
+    fn support(&self, log: &Log) -> Result<usize, DataError> {
+        let fewer = self.fewer_states(log)?;
+        let least = fewer.map_or(0, |own| own.filter.support());
+        Ok(support(log, &self.settings)?.max(least))
     }
 }
 
@@ -628,7 +658,7 @@ fn settling(file: &LogFile, survey: &Survey, settings: &Settings) -> f64 {
     2.0 * step * rows as f64
 }
 
-/// The number of rows on either side that a state depends on.
+/// The number of rows on either side that the motion at a row and its effort depend on.
 fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
     let step = log.survey.time_step();
     let longest = settings

@@ -14,6 +14,7 @@ mod dates;
 mod discretisation;
 mod dropouts;
 pub(crate) mod expression;
+mod fewer_states;
 mod file_rows;
 mod held;
 mod joined;

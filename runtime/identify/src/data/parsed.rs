@@ -33,8 +33,11 @@ use super::table::Format;
 #[derive(Clone, Default)]
 pub struct ParsedFiles {
     known: Arc<Mutex<Vec<Known>>>,
-    surveyed: Arc<Mutex<Vec<(Surveyed, Arc<Statistics>)>>>,
+    surveyed: Arc<Mutex<Vec<SurveyedRows>>>,
 }
+
+/// Rows and their statistics.
+type SurveyedRows = (Surveyed, Arc<Statistics>);
 
 /// The tables of a file, and how it was opened.
 struct Known {
@@ -122,14 +125,17 @@ fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 #[derive(Clone, Default)]
 pub(super) struct ParsedColumns {
     /// Those of each part that was read, see [`Table::part`].
-    parts: Arc<Mutex<Vec<(Option<(u64, u64)>, Columns)>>>,
+    parts: Arc<Mutex<Vec<Part>>>,
 }
+
+/// The first and the last row of a part, and its columns.
+type Part = (Option<(u64, u64)>, Columns);
 
 /// The columns that have been read, all with as many rows.
 #[derive(Default)]
 struct Columns {
     lines: Arc<Lines>,
-    columns: BTreeMap<usize, Arc<Vec<f64>>>,
+    by_place: BTreeMap<usize, Arc<Vec<f64>>>,
     unusable: Arc<Vec<Unusable>>,
 }
 
@@ -188,14 +194,14 @@ impl ParsedColumns {
         let Some((_, own)) = parts.get_mut(place) else {
             return Ok(ParsedRows::default());
         };
-        let is_missing = |wanted: &&Wanted| !own.columns.contains_key(&wanted.column);
+        let is_missing = |wanted: &&Wanted| !own.by_place.contains_key(&wanted.column);
         let missing: Vec<Wanted> = wanted.iter().filter(is_missing).cloned().collect();
         if !missing.is_empty() {
             own.read(table, missing)?;
         }
         let columns = wanted
             .iter()
-            .map(|wanted| (wanted.column, own.columns.get(&wanted.column).cloned()));
+            .map(|wanted| (wanted.column, own.by_place.get(&wanted.column).cloned()));
         Ok(ParsedRows {
             columns: columns
                 .filter_map(|(place, column)| Some((place, column?)))
@@ -251,7 +257,7 @@ impl Columns {
         unusable.extend(known.cloned());
         unusable.sort_by_key(|own| (own.row, own.column));
         let found = columns.into_iter().map(Arc::new);
-        self.columns.extend(places.into_iter().zip(found));
+        self.by_place.extend(places.into_iter().zip(found));
         (self.lines, self.unusable) = (Arc::new(lines), Arc::new(unusable));
         Ok(())
     }

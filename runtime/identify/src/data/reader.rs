@@ -606,6 +606,20 @@ impl LogFile {
         part.map_or(0, |(first, _)| first.saturating_sub(1))
     }
 
+    /// Passes the rows to `each` as they are in the files, each but the first following the one before: of a run in
+    /// which [`rows`](Self::rows) found nothing to treat.
+    pub(super) fn unchecked_rows(&self, each: &mut RowSink<'_>) -> Result<(), DataError> {
+        let mut rows = JoinedRows::open(self)?;
+        let mut follows = false;
+        while let Some(row) = rows.next_row()? {
+            if let Ok(row) = row {
+                each(row, follows)?;
+                follows = true;
+            }
+        }
+        Ok(())
+    }
+
     /// Passes the good rows to `each`, on the even grid if there is one, each with whether it
     /// follows the one before without a gap, and the faulty ones to `problem`.
     pub(super) fn rows(

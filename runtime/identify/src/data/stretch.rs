@@ -1,6 +1,7 @@
 //! Consecutive rows of a log, column by column.
 
 use super::reader::LogRow;
+use crate::signals::{Butterworth, SignalError};
 
 /// Consecutive rows; their columns are those of [`LogRow::values`].
 #[derive(Clone, Debug, Default)]
@@ -63,6 +64,23 @@ impl Stretch {
     /// The line of a row; 0 if there is no such row.
     pub(super) fn line(&self, row: usize) -> u64 {
         self.lines.get(row).copied().unwrap_or(0)
+    }
+
+    /// The rows with all their entries but the time behind a filter.
+    ///
+    /// # Errors
+    /// When there are too few rows for it.
+    pub(super) fn passed(&self, filter: &Butterworth) -> Result<Self, SignalError> {
+        let columns = self.columns.iter().enumerate();
+        let passed = columns.map(|(entry, column)| match entry {
+            0 => Ok(column.clone()),
+            _ => filter.zero_phase(column),
+        });
+        Ok(Self {
+            columns: passed.collect::<Result<_, _>>()?,
+            lines: self.lines.clone(),
+            bridged: self.bridged.clone(),
+        })
     }
 
     /// Forgets all rows but the last ones.

@@ -190,6 +190,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             settings: self.settings.clone(),
             files,
             reports: self.reports.clone(),
+            states_every: 1,
         }
     }
 }

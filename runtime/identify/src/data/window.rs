@@ -1,5 +1,6 @@
 //! Computes states of motion from the rows of a log, one window of rows after another.
 
+use super::fewer_states::FewerStates;
 use super::held::{held_part, held_residuals};
 use super::logs::{Log, signal};
 use super::motion;
@@ -36,6 +37,8 @@ pub(super) struct Window<'a, 'm, M: ?Sized> {
     pub(super) settings: &'a Settings,
     pub(super) completion: Completion<'m, M>,
     pub(super) model: &'m M,
+    /// Which states are computed, if not all.
+    pub(super) fewer: Option<FewerStates>,
     /// Rows on either side of a row that its state depends on.
     pub(super) support: usize,
     /// The speed of each measured coordinate below which noise may turn its sign, rad/s or m/s.
@@ -144,7 +147,12 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let file = &self.log.file;
         if n > 0 {
             let method = self.settings.method.of_states(self.log.survey.time_step());
-            match motion::all_derivatives(self.log, method, &self.rows) {
+            let derivatives = match &self.fewer {
+                None => motion::all_derivatives(self.log, method, &self.rows),
+                Some(fewer) => (self.rows.passed(&fewer.filter))
+                    .and_then(|rows| motion::all_derivatives(self.log, method, &rows)),
+            };
+            match derivatives {
                 Ok(of_all) => {
                     for found in of_all {
                         // within a segment the support already bounds the valid rows
@@ -215,13 +223,30 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             }
             still.push(rests);
         }
-        let held = self.held(&efforts, &still);
+        let mut held = self.held(&efforts, &still);
         let bridged = self.near_bridged();
         // if the equations are filtered, they are decimated after the filter instead
-        let every = match self.settings.method.smoothing() {
-            Smoothing::None => self.settings.decimation.max(1),
+        let every = match (&self.fewer, self.settings.method.smoothing()) {
+            (Some(fewer), _) => fewer.every,
+            (None, Smoothing::None) => self.settings.decimation.max(1),
             _ => 1,
         };
+        if let Some(fewer) = &self.fewer {
+            let settling = fewer.filter.settling();
+            let start = if self.before > 0 { 0 } else { settling };
+            let stop = if end { n.saturating_sub(settling) } else { n };
+            valid = valid.start.max(start)..valid.end.min(stop);
+            for own in efforts.iter_mut().chain(&mut held) {
+                match fewer.filter.zero_phase(own) {
+                    Ok(passed) => *own = passed,
+                    // too few rows for the filter have no state
+                    Err(_) => valid = 0..0,
+                }
+            }
+            for rests in &mut still {
+                *rests = spread(rests, fewer.every / 2);
+            }
+        }
         let mut used = Vec::with_capacity(valid.len() / every + 1);
         for k in valid {
             if self.count.is_multiple_of(every) {
@@ -399,7 +424,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             };
             (self.each)(&row)?;
             self.follows = true;
-            self.states += 1;
+            self.states += self.fewer.as_ref().map_or(1, |own| own.every);
         }
         Ok(())
     }
@@ -469,5 +494,25 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let why = why.to_owned();
         self.problems
             .add(Problem::of(self.rows.line(k), Fault::Open { why }));
+    }
+}
+
+/// For each row, whether it or a row at most so far from it rests.
+fn spread(rests: &[bool], reach: usize) -> Vec<bool> {
+    let near = |k: usize| rests.get(k.saturating_sub(reach)..(k + reach + 1).min(rests.len()));
+    let rows = 0..rests.len();
+    rows.map(|k| near(k).unwrap_or_default().contains(&true))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::spread;
+
+    #[test]
+    fn a_rest_is_that_of_the_rows_around_it() {
+        let rests = [false, false, false, true, false, false];
+        assert_eq!(spread(&rests, 1), [false, false, true, true, true, false]);
+        assert_eq!(spread(&rests, 0), rests);
     }
 }

@@ -232,7 +232,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
         Some(Choice {
             order: ORDER,
             cutoff,
-            decimation: whole(self.rate() / (EQUATION_RATE * cutoff)),
+            decimation: divisible(whole(self.rate() / (EQUATION_RATE * cutoff))),
             resample: self.resample,
             velocities: None,
             series: None,
@@ -247,6 +247,17 @@ impl<'m, M: BaseModel<f64> + ?Sized> Basis<'m, M> {
         let steps = self.logs.durations();
         (steps.iter().map(|(step, _)| 1.0 / step)).fold(f64::INFINITY, f64::min)
     }
+}
+
+/// The next smaller number with many divisors, so that a state can stand for several rows.
+fn divisible(decimation: usize) -> usize {
+    let part = match decimation {
+        16.. => 8,
+        8.. => 4,
+        4.. => 2,
+        _ => 1,
+    };
+    decimation - decimation % part
 }
 
 /// Opens logs as they are or, where gaps divide them or prevent that or efforts have spikes, as a filter would bridge them, on an

@@ -5,8 +5,8 @@
 //! geometric grid is tried on the log itself, at a rate that suits it: the covariance of its estimate
 //! is what noise leaves unknown, and simulation and extrapolation give the bias (errors in variables).
 //! Noise that neither knows of, such as that of a wandering clock, shows where an estimate differs from
-//! those of lower cutoffs by more than the deviations of both (Lepskii, 1991). All three are errors of
-//! efforts. Their mean squares are estimated from few independent samples, so that the smallest is so
+//! those of lower cutoffs by more than the deviations of both (Lepskii, 1991), unless two higher cutoffs
+//! contradict the lower one together: then it bends the motion. All three are errors of efforts. Their mean squares are estimated from few independent samples, so that the smallest is so
 //! partly by chance: what is chosen is the mean of all cutoffs, weighted by their inverse.
 //!
 //! The filter is of the second order: the weight of a frequency, the fourth power of the filter's gain,
@@ -334,9 +334,9 @@ pub(super) fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Err
     };
     // where no cutoff leaves enough equations, all are compared as they are
     let all_scarce = trials.iter().all(|own| own.borrow().is_scarce);
-    let mut all: Vec<Errors> = Vec::with_capacity(trials.len());
-    for (k, trial) in trials.iter().map(T::borrow).enumerate() {
-        let mut own = Errors {
+    let places = 0..trials.len();
+    let alone: Vec<Errors> = (places.clone().zip(trials.iter().map(T::borrow)))
+        .map(|(k, trial)| Errors {
             variance: if trial.is_scarce && !all_scarce || is_bent(k) {
                 f64::INFINITY
             } else {
@@ -344,22 +344,55 @@ pub(super) fn all_errors<T: Borrow<Trial>>(trials: &[T], best: usize) -> Vec<Err
             },
             bias: trial.bias.iter().map(|own| square(own)).sum(),
             apart: 0.0,
-        };
-        for (lower, errors) in trials.iter().zip(&all) {
-            let lower = lower.borrow();
-            // a lower cutoff that is not counted says nothing of others
-            if !errors.variance.is_finite() {
-                continue;
-            }
-            let difference: Vec<f64> = (trial.values.iter().zip(&lower.values))
-                .map(|(a, b)| a - b)
-                .collect();
-            let explained = own.variance + own.bias + errors.variance + errors.bias;
-            own.apart = own.apart.max(square(&difference) - CHANCE * explained);
+        })
+        .collect();
+    // the mean square of what two trials differ by, and what both know of their errors
+    let compared = |a: usize, b: usize| {
+        let own = trials.get(a).map(T::borrow).zip(alone.get(a));
+        let other = trials.get(b).map(T::borrow).zip(alone.get(b));
+        let ((own, own_errors), (other, other_errors)) = own.zip(other)?;
+        let pairs = own.values.iter().zip(&other.values);
+        let difference: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
+        let known = |errors: &Errors| errors.variance + errors.bias;
+        let explained = known(own_errors) + known(other_errors);
+        Some((square(&difference), CHANCE * explained)).filter(|own| own.1.is_finite())
+    };
+    let compared: Vec<Vec<Option<(f64, f64)>>> = places
+        .clone()
+        .map(|a| (0..a).map(|b| compared(a, b)).collect())
+        .collect();
+    let pair = |lower: usize, higher: usize| *compared.get(higher)?.get(lower)?;
+    let is_refuted = |k: usize| {
+        let mut pairs =
+            (k + 1..trials.len()).flat_map(|i| (i + 1..trials.len()).map(move |j| (i, j)));
+        pairs.any(|(i, j)| refutes(pair(k, i), pair(k, j), pair(i, j)))
+    };
+    let refuted: Vec<bool> = places.clone().map(is_refuted).collect();
+    // a lower cutoff that is not counted says nothing of others
+    let counts = |k: &usize| refuted.get(*k) == Some(&false);
+    let mut all = alone.clone();
+    for (k, own) in all.iter_mut().enumerate() {
+        if refuted.get(k) == Some(&true) {
+            own.variance = f64::INFINITY;
         }
-        all.push(own);
+        for (difference, chance) in (0..k).filter(counts).filter_map(|lower| pair(lower, k)) {
+            own.apart = own.apart.max(difference - chance);
+        }
     }
     all
+}
+
+/// Whether two higher cutoffs show that a lower one bends the motion: what noise of the motion moves grows with the
+/// cutoff, so that it would set these two apart at least as far as it does the lower two.
+///
+/// - mean squares of the differences, and the largest of them by chance: of the lowest cutoff and the others, and of
+///   these.
+fn refutes(lower: Option<(f64, f64)>, far: Option<(f64, f64)>, higher: Option<(f64, f64)>) -> bool {
+    let (Some(lower), Some(far), Some(higher)) = (lower, far, higher) else {
+        return false;
+    };
+    let is_beyond = |(difference, chance): (f64, f64)| difference > chance;
+    is_beyond(lower) && is_beyond(far) && higher.0 <= higher.1 && higher.1 < lower.0
 }
 
 /// The parts of a given cutoff that [`moved_by_cutoff`] compares it with.
@@ -416,9 +449,12 @@ pub(super) fn moved_by_cutoff<M: BaseModel<f64> + ?Sized>(
 ///
 /// - `best`: the index of the best one.
 fn is_over(errors: &[Errors], best: usize) -> bool {
-    let sum = |own: Option<&Errors>| own.map_or(f64::INFINITY, |own| own.sum());
-    let last = sum(errors.last());
-    let is_hopeless = last.is_finite() && last > HOPELESS * sum(errors.get(best));
+    let best_sum = errors.get(best).map_or(f64::INFINITY, |own| own.sum());
+    // an estimate that is only apart from lower ones may be the right one, as the next cutoff shows
+    let last = errors
+        .last()
+        .map_or(f64::INFINITY, |own| Errors { apart: 0.0, ..*own }.sum());
+    let is_hopeless = last.is_finite() && last > HOPELESS * best_sum;
     errors.len() > best + PATIENCE || is_hopeless && errors.len() > best + 1
 }
 
@@ -542,6 +578,37 @@ mod tests {
     }
 
     #[test]
+    fn a_lower_cutoff_that_two_higher_ones_contradict_together_says_nothing() {
+        let bent = || trial_of(0.32, 5.0, 0.1, 0.1);
+        let trials = [
+            bent(),
+            trial_of(0.56, 1.0, 0.02, 0.1),
+            trial_of(1.0, 1.01, 0.02, 0.1),
+        ];
+        let errors = all_errors(&trials, 1);
+        assert!(errors[0].sum().is_infinite());
+        assert!(errors[1].sum() < 1e-3 && errors[2].sum() < 1e-3);
+        // one alone may be biased, as two may that differ as much as noise of the motion lets them
+        for higher in [5.0, 2.0, -3.0] {
+            let trials = [
+                bent(),
+                trial_of(0.56, 1.0, 0.02, 0.1),
+                trial_of(1.0, higher, 0.02, 0.1),
+            ];
+            let errors = all_errors(&trials, 1);
+            assert!(errors[0].sum() < 0.1, "{higher}");
+            assert!(errors[1].apart > 1.0, "{higher}");
+        }
+        // and two whose deviations hide a difference of that size tell nothing of it
+        let trials = [
+            bent(),
+            trial_of(0.56, 1.0, 0.02, 0.1),
+            trial_of(1.0, 1.0, 3.0, 0.1),
+        ];
+        assert!(all_errors(&trials, 1)[0].sum() < 0.1);
+    }
+
+    #[test]
     fn cutoffs_rise_evenly_from_one_bound_to_the_other() {
         for (least, most) in [(0.01, 300.0), (0.2, 0.2), (1.7, 2.9)] {
             let found = cutoffs(least, most);
@@ -572,6 +639,10 @@ mod tests {
         assert!(!is_over(&of(&[4.0, 1.0, 2.0]), 1));
         assert!(is_over(&of(&[4.0, 1.0, 2.0, 1.5]), 1));
         assert!(is_over(&of(&[4.0, 1.0, 11.0]), 1));
+        // one that is apart from the lower one may be right
+        let mut apart = of(&[1.0, 1.0]);
+        apart[1].apart = 20.0;
+        assert!(!is_over(&apart, 0));
         // one that leaves too few equations says nothing
         assert!(!is_over(&of(&[4.0, 1.0, f64::INFINITY]), 1));
     }

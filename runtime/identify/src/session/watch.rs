@@ -50,6 +50,11 @@ impl<'a, M: BaseModel<f64> + ?Sized> MonitoredLogs<'a, M> {
         }
     }
 
+    /// See [`Logs::allow_fewer_states`].
+    pub(super) fn allow_fewer_states(&mut self, are_allowed: bool) {
+        self.logs.allow_fewer_states(are_allowed);
+    }
+
     /// The logs.
     pub fn logs(&self) -> &Logs<'a, M> {
         &self.logs
@@ -69,11 +74,12 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
     ) -> Result<(), DataError> {
         self.passes += 1;
         self.watch.rows(self.passes, 0, self.all);
-        let (mut rows, watch, passes, all) = (0, self.watch, self.passes, self.all);
+        let (mut states, watch, passes, all) = (0, self.watch, self.passes, self.all);
+        let every = self.logs.states_every() as u64;
         let result = self.logs.visit(&mut |row| {
-            rows += 1;
-            if rows % REPORT_INTERVAL_ROWS == 0 {
-                watch.rows(passes, rows, all);
+            states += 1;
+            if states % REPORT_INTERVAL_ROWS == 0 {
+                watch.rows(passes, states * every, all);
             }
             each(row)
         });

@@ -77,7 +77,7 @@ const BASE: [BaseParameter<'static>; COLUMNS] = [
 /// The model, with nominal bodies or without.
 pub(crate) struct Swings {
     nominal: Vec<Option<f64>>,
-    pub(super) joints: Vec<Joint>,
+    pub(crate) joints: Vec<Joint>,
     pub(super) parameters: Vec<Parameter<'static>>,
 }
 
