@@ -27,18 +27,13 @@ pub(super) struct FewerStates {
 }
 
 impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
-    /// Whether states at some of the rows suffice, for equations behind the filter; at first they do not.
-    pub(crate) fn allow_fewer_states(&mut self, are_allowed: bool) {
-        self.states_every = if are_allowed { self.fewest_states() } else { 1 };
-    }
-
     /// The number of rows to one state.
     pub(crate) fn states_every(&self) -> usize {
         self.states_every
     }
 
     /// The largest number of rows to one state that the filter and its decimation admit.
-    fn fewest_states(&self) -> usize {
+    pub(super) fn fewest_states(&self) -> usize {
         let Method::Butterworth { cutoff, .. } = self.settings.method else {
             return 1;
         };
@@ -85,8 +80,10 @@ mod tests {
 
     use super::*;
     use crate::data::Settings;
-    use crate::identify::{EquationKind, Options, identify};
-    use crate::suspect::swings_for_tests::{swings, written};
+    use crate::estimate::EstimateError;
+    use crate::identify::{EquationKind, Identified, Options, identify};
+    use crate::states::{Filtering, Source, StateSample};
+    use crate::suspect::swings_for_tests::{Swings, swings, written};
     use regen_runtime::Friction;
 
     const FAST: f64 = 1.0;
@@ -99,22 +96,48 @@ mod tests {
         }
     }
 
+    /// Logs whose every state is computed.
+    struct AllStates<'m>(Logs<'m, Swings>);
+
+    impl Source for AllStates<'_> {
+        type Error = DataError;
+
+        fn filtering(&self) -> Filtering {
+            self.0.filtering()
+        }
+
+        fn visit(
+            &mut self,
+            each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
+        ) -> Result<(), DataError> {
+            self.0.visit(each)
+        }
+    }
+
+    fn solved(logs: &mut impl Source<Error = DataError>) -> Identified {
+        let model = swings(false);
+        identify(&model, EquationKind::Forces, &Options::default(), logs).unwrap()
+    }
+
     #[test]
     fn fewer_states_give_the_same_estimate() {
         let model = swings(false);
         let run = written("fewer", 6000, 0.0, |_| true);
         let settings = with(FAST, 10);
-        let mut logs = Logs::open(&model, std::slice::from_ref(&run.0), &settings).unwrap();
-        let solve = |logs: &mut Logs<'_, _>| {
-            identify(&model, EquationKind::Forces, &Options::default(), logs).unwrap()
-        };
-        let all = solve(&mut logs);
-        let rows = logs.reports()[0].states;
-        logs.allow_fewer_states(true);
-        assert_eq!(logs.states_every(), 10);
-        let fewer = solve(&mut logs);
+        let open = || Logs::open(&model, std::slice::from_ref(&run.0), &settings).unwrap();
+        let mut every = AllStates(open());
+        let all = solved(&mut every);
+        let rows = every.0.reports()[0].states;
+        let mut logs = open();
+        assert_eq!(logs.fewest_states(), 10);
+        let fewer = solved(&mut logs);
         // each counts as its ten rows
         assert!(logs.reports()[0].states.abs_diff(rows) < 200);
+        assert_eq!(
+            logs.states_every(),
+            1,
+            "whatever does not ask for less gets all"
+        );
         let (few, many) = (fewer.left_out.samples, all.left_out.samples);
         assert!(few.abs_diff(many) < 20, "{few} {many}");
         let pairs = all.estimate.values.iter().zip(&fewer.estimate.values);
@@ -132,9 +155,8 @@ mod tests {
         let every = |friction: Friction, settings: Settings| {
             let mut model = swings(false);
             model.joints[1].friction = friction;
-            let mut logs = Logs::open(&model, std::slice::from_ref(&run.0), &settings).unwrap();
-            logs.allow_fewer_states(true);
-            logs.states_every()
+            let logs = Logs::open(&model, std::slice::from_ref(&run.0), &settings).unwrap();
+            logs.fewest_states()
         };
         let none = Friction::Viscous;
         assert_eq!(every(none, with(FAST, 10)), 10);

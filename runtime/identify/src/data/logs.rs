@@ -474,6 +474,11 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
         Ok(())
     }
 
+    fn allow_fewer_states(&mut self, are_allowed: bool) -> usize {
+        self.states_every = if are_allowed { self.fewest_states() } else { 1 };
+        self.states_every
+    }
+
     fn filtering(&self) -> Filtering {
         Filtering {
             decimation: self.settings.decimation / self.states_every,

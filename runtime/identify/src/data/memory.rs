@@ -9,8 +9,8 @@ use super::problem::DataError;
 const FIRST_ROWS: usize = 1 << 12;
 /// Columns that take less than this, bytes, are not compared with the memory that is free.
 const SMALL: usize = 1 << 26;
-/// The memory that the rows take in all over that of their columns: equations and states of them are stored too.
-const IN_ALL: f64 = 2.0;
+/// The memory that equations and states of the rows take over that of their columns.
+const OF_EQUATIONS: f64 = 1.2;
 
 /// Room for the columns of a file, which grows with their rows.
 pub(super) struct Room<'a> {
@@ -38,7 +38,7 @@ impl<'a> Room<'a> {
         }
         let more = (rows / 2).max(FIRST_ROWS);
         let bytes = (rows + more) * columns.len() * size_of::<f64>();
-        let needed = (more * columns.len() * size_of::<f64>()) as f64 * IN_ALL;
+        let needed = (more * columns.len() * size_of::<f64>()) as f64 + OF_EQUATIONS * bytes as f64;
         if bytes > SMALL
             && let Some(free) = free()
             && needed > free

@@ -172,16 +172,20 @@ pub(super) fn equations_with_friction<M: BaseModel<f64> + ?Sized, S: Source + ?S
     columns: &mut dyn Columns,
     each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
 ) -> Result<LeftOut, S::Error> {
+    // energies are integrals over all states
+    let every = source.allow_fewer_states(kind == EquationKind::Forces);
     let filtering = source.filtering();
     columns.restart();
     let mut stream = Stream::new(model, kind, filtering, columns.count());
     stream.static_friction = friction.to_vec();
-    source.visit(&mut |row| stream.take(row, columns, each))?;
+    let visited = source.visit(&mut |row| stream.take(row, columns, each));
+    source.allow_fewer_states(false);
+    visited?;
     stream.flush(columns, each)?;
     stream.end_run(each)?;
     let mut left = stream.left;
-    left.singular = stream.builder.singular() + stream.irregular;
-    left.unsettled = stream.taken - stream.settled;
+    left.singular = every * (stream.builder.singular() + stream.irregular);
+    left.unsettled = every * (stream.taken - stream.settled);
     Ok(left)
 }
 

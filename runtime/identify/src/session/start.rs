@@ -163,18 +163,8 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     logs: &mut MonitoredLogs<'_, M>,
 ) -> Result<LeastSquaresStart, SessionError> {
     let (model, kind) = (session.model, session.kind);
-    // energies are integrals over all states
-    logs.allow_fewer_states(kind == EquationKind::Forces);
-    let found = identify::identify_and_store(model, kind, &session.options, logs);
-    let every = logs.logs().states_every();
-    logs.allow_fewer_states(false);
-    let (mut identified, equations) = found?;
-    for rows in [
-        &mut identified.left_out.singular,
-        &mut identified.left_out.unsettled,
-    ] {
-        *rows *= every;
-    }
+    let (mut identified, equations) =
+        identify::identify_and_store(model, kind, &session.options, logs)?;
     let sampling_note = match kind {
         EquationKind::Forces => {
             add_sampling_error(session.model, &mut identified, equations.as_ref(), logs)?

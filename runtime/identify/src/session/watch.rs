@@ -50,11 +50,6 @@ impl<'a, M: BaseModel<f64> + ?Sized> MonitoredLogs<'a, M> {
         }
     }
 
-    /// See [`Logs::allow_fewer_states`].
-    pub(super) fn allow_fewer_states(&mut self, are_allowed: bool) {
-        self.logs.allow_fewer_states(are_allowed);
-    }
-
     /// The logs.
     pub fn logs(&self) -> &Logs<'a, M> {
         &self.logs
@@ -66,6 +61,10 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
 
     fn filtering(&self) -> Filtering {
         self.logs.filtering()
+    }
+
+    fn allow_fewer_states(&mut self, are_allowed: bool) -> usize {
+        self.logs.allow_fewer_states(are_allowed)
     }
 
     fn visit(

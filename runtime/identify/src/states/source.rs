@@ -54,6 +54,13 @@ pub trait Source {
     /// How the equations of the rows are filtered, decimated and left out at standstill.
     fn filtering(&self) -> Filtering;
 
+    /// Says whether states at some of the rows suffice, as they do for equations behind the filter; returns
+    /// the number of rows to one state. A source gives all states unless this admits fewer, or always, as here.
+    fn allow_fewer_states(&mut self, are_allowed: bool) -> usize {
+        let _ = are_allowed;
+        1
+    }
+
     /// Passes some hundred states, each with the change of its predicted efforts if the same positions
     /// are differentiated in another way: what sampling leaves unknown of the motion. There are none
     /// where motion is not differentiated from positions, as here.
