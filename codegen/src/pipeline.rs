@@ -18,7 +18,7 @@ use crate::model::{self, Model};
 use crate::optimize::lower;
 use crate::robot::{Function, FunctionKind, Robot};
 use crate::scene::Scene;
-use crate::signature::Needs;
+use crate::signature::{Needs, Trait};
 use crate::spec::{self, Payloads, Spec};
 use crate::store::{self, Facts, Key, Store};
 use crate::sym::{Graph, Number};
@@ -302,6 +302,14 @@ impl Mechanism {
         );
         explanation.name_lines(&self.source);
         Ok(explanation)
+    }
+
+    /// The kinds of the functions that generated sources have: all, without those of controllers
+    /// if the description does not ask for them with `control: true`.
+    pub fn functions(&self) -> Vec<FunctionKind> {
+        let all = FunctionKind::ALL.into_iter();
+        all.filter(|kind| self.spec.control || kind.signature().of != Trait::ControlModel)
+            .collect()
     }
 
     /// Builds the robot with a program for each function of `kinds` that the mechanism has. Base

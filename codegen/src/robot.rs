@@ -181,6 +181,8 @@ impl Robot {
             Size::Base => base().map(Base::rank).sum(),
             Size::Free => base().map(|base| base.null.len()).sum(),
             Size::Pose => 12,
+            Size::State => 2 * self.independent.len(),
+            Size::StateEfforts => 3 * self.independent.len(),
         }
     }
 

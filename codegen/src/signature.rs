@@ -30,6 +30,10 @@ pub enum Size {
     Free,
     /// The twelve numbers of a pose: a rotation matrix row by row, then a position, m.
     Pose,
+    /// The independent coordinates, then their velocities.
+    State,
+    /// The independent coordinates, then their velocities, then their efforts.
+    StateEfforts,
 }
 
 /// The order in which a matrix is stored.
@@ -91,6 +95,23 @@ pub enum Needs {
     Base,
 }
 
+/// The trait of the runtime that has a function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trait {
+    /// `Model`: every robot has its functions.
+    Model,
+    /// `BaseModel`: robots with base parameters have its functions.
+    BaseModel,
+    /// `ControlModel`: only robots have its functions whose description asks for them with
+    /// `control: true`, since few programs need them and they take long to compile.
+    ControlModel,
+}
+
+impl Trait {
+    /// All traits, in the order in which they are implemented.
+    pub const ALL: [Trait; 3] = [Trait::Model, Trait::BaseModel, Trait::ControlModel];
+}
+
 /// How an emitted function passes its result to the caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passing {
@@ -136,6 +157,8 @@ pub struct Signature {
     pub has_condition: bool,
     /// What a mechanism must have for the function to exist.
     pub needs: Needs,
+    /// The trait of the runtime that has the function.
+    pub of: Trait,
 }
 
 macro_rules! arguments {
@@ -188,6 +211,10 @@ arguments! {
     QddRI {
         doc: "reference accelerations of the independent coordinates",
         name: "qdd_r", runtime_name: "qdd_r_i", size: Size::Independent, prefix: "dr_",
+    }
+    TauI {
+        doc: "efforts of the independent coordinates, N m or N, in the order of `INDEPENDENT`",
+        name: "tau_i", runtime_name: "tau_i", size: Size::Independent, prefix: "tau_",
     }
     Phi {
         doc: "dynamic parameters, SI, in the order of `PARAMETERS`",

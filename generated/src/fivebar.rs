@@ -38,11 +38,19 @@
 //! | [`base_gravity`] | 21 | 38 | 1 | 5 |
 //! | [`base_bias_forces`] | 33 | 64 | 1 | 3 |
 //! | [`base_mass_matrix`] | 26 | 37 | 1 | 3 |
+//! | [`momentum`] | 29 | 53 | 1 | 3 |
+//! | [`momentum_rate`] | 53 | 106 | 1 | 4 |
+//! | [`momentum_regressor`] | 17 | 47 | 1 | 3 |
+//! | [`momentum_rate_regressor`] | 41 | 107 | 1 | 4 |
+//! | [`coriolis_matrix`] | 47 | 91 | 1 | 3 |
+//! | [`forward_dynamics`] | 75 | 122 | 4 | 4 |
+//! | [`inverse_dynamics_derivatives`] | 164 | 283 | 1 | 4 |
+//! | [`forward_dynamics_derivatives`] | 231 | 370 | 4 | 4 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Parameter, Scalar, SizeError, Symbol, };
+ Arguments, Condition, ControlFunction, ControlModel, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Parameter, Scalar, SizeError, Symbol, };
 use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -2545,6 +2553,2389 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], 
     (m, Condition { pivot: condition })
 }
 
+/// The generalised momentum p = M(q) qd_i, the gradient of the kinetic energy by qd_i.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `p`: p = M qd_i, kg m^2/s or kg m/s, in the order of `INDEPENDENT`; rotors included
+///
+/// 29 additions, 53 multiplications, 1 divisions, 3 sines and cosines.
+pub fn momentum<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
+    let proto = q[0];
+    let mut p = [proto.splat(0.0); 2];
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let [(sin_q2, cos_q2), (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, t1_2, q4]);
+        [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4]
+    };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [
+        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2,
+        _, _, _, _, _, p_izz_3, _, _, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, p_m_4,
+    ] = *phi;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t2_6, t2_13, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let w_2z = d_q1 + d_q2;
+        let t2_1 = cos_q2 * d_q1;
+        let t2_2 = sin_q2 * d_q1;
+        let t2_3 = t2_2 * p_my_2;
+        let t2_4 = (-p_mx_2).mul_add(t2_1, t2_3);
+        let t2_5 = w_2z * p_izz_2;
+        let t2_6 = proto.splat(-0.3).mul_add(t2_4, t2_5);
+        let t2_7 = proto.splat(0.3) * p_m_2;
+        let t2_8 = t2_2 * t2_7;
+        let t2_9 = w_2z * p_mx_2;
+        let t2_10 = t2_1.mul_add(t2_7, t2_9);
+        let t2_11 = (-w_2z).mul_add(p_my_2, t2_8);
+        let t2_12 = cos_q2 * t2_10;
+        let t2_13 = sin_q2.mul_add(t2_11, t2_12);
+        let t2_14 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t2_15 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_15);
+        let t2_16 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_16);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_17 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_18 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_19 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_20 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_19);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t2_21 = -u_2_q1x;
+        let t2_22 = sin_q2 * t2_18;
+        let t2_23 = t2_17 * t2_18;
+        let t2_24 = -t2_14;
+        let t2_25 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_26 = (-t2_25).mul_add(t2_22, t2_14);
+        let t2_27 = proto.splat(2.5) * t2_26;
+        let t2_28 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_23, t2_20);
+        let t2_29 = proto.splat(2.5) * t2_28;
+        let t2_30 = -t2_29;
+        let t2_31 = proto.splat(0.75) * t2_22;
+        let t2_32 = -t2_31;
+        let t2_33 = proto.splat(2.5) * t2_23;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
+            [[t2_27, t2_30], [t2_32, t2_33]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_19],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t2_21, t2_17], [t2_24, t2_20], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t2_6, t2_13, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+    };
+    // p = M qd_i
+    {
+        let w_4z = d_q3 + d_q4;
+        let t3_1 = cos_q4 * d_q3;
+        let t3_2 = sin_q4 * d_q3;
+        let t3_3 = p_my_4 * t3_2;
+        let t3_4 = (-p_mx_4).mul_add(t3_1, t3_3);
+        let t3_5 = w_4z * p_izz_4;
+        let t3_6 = proto.splat(-0.3).mul_add(t3_4, t3_5);
+        let t3_7 = (-t3_6).mul_add(x_q4_q1, t2_6);
+        let t3_8 = (-t3_6).mul_add(x_q4_q3, t3_6);
+        let t3_9 = (-t2_6).mul_add(x_q2_q1, t3_7);
+        let t3_10 = (-t2_6).mul_add(x_q2_q3, t3_8);
+        let t3_11 = d_q1.mul_add(p_izz_1, t3_9);
+        let t3_12 = proto.splat(0.3).mul_add(t2_13, t3_11);
+        p[0] = t3_12;
+        let t3_13 = d_q3.mul_add(p_izz_3, t3_10);
+        let t3_14 = proto.splat(0.3) * p_m_4;
+        let t3_15 = t3_2 * t3_14;
+        let t3_16 = w_4z * p_mx_4;
+        let t3_17 = t3_1.mul_add(t3_14, t3_16);
+        let t3_18 = (-w_4z).mul_add(p_my_4, t3_15);
+        let t3_19 = cos_q4 * t3_17;
+        let t3_20 = sin_q4.mul_add(t3_18, t3_19);
+        let t3_21 = proto.splat(0.3).mul_add(t3_20, t3_13);
+        p[1] = t3_21;
+    }
+    (p, Condition { pivot: condition })
+}
+
+/// The part of dp/dt that needs no acceleration: dp/dt = tau + r, r = C^T qd_i less gravity, friction, offsets, springs and effort terms.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `r`: r = dp/dt - tau, N m or N, in the order of `INDEPENDENT`
+///
+/// 53 additions, 106 multiplications, 1 divisions, 4 sines and cosines.
+pub fn momentum_rate<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
+    let proto = q[0];
+    let mut r = [proto.splat(0.0); 2];
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [
+        _, _, _, _, _, _, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _,
+        p_m_2, _, _, _, _, _, _, p_mx_3, p_my_3, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4,
+        _, p_m_4,
+    ] = *phi;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t2_4, t2_5, t2_9, t2_10, t2_12, w_2z, t2_20, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+        cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_25, t2_26, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3,
+    ] = {
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = sin_q1 * p_my_1;
+        let t2_4 = (-cos_q1).mul_add(p_mx_1, t2_3);
+        let t2_5 = proto.splat(2.943) * cos_q1;
+        let t2_6 = sin_q1_q2 * p_my_2;
+        let t2_7 = (-cos_q1_q2).mul_add(p_mx_2, t2_6);
+        let t2_8 = proto.splat(9.81) * t2_7;
+        let t2_9 = -t2_8;
+        let t2_10 = cos_q2 * d_q1;
+        let t2_11 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t2_12 = sin_q2 * d_q1;
+        let w_2z = d_q1 + d_q2;
+        let t2_13 = proto.splat(0.3) * p_m_2;
+        let t2_14 = t2_12 * t2_13;
+        let t2_15 = (-w_2z).mul_add(p_my_2, t2_14);
+        let t2_16 = w_2z * p_mx_2;
+        let t2_17 = t2_10.mul_add(t2_13, t2_16);
+        let t2_18 = t2_12 * t2_17;
+        let t2_19 = (-t2_10).mul_add(t2_15, t2_18);
+        let t2_20 = proto.splat(0.3).mul_add(t2_19, t2_9);
+        let t2_21 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_21);
+        let t2_22 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_22);
+        let t2_23 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_23);
+        let t2_24 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_24);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_25 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_26 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t2_27 = -u_2_q1x;
+        let t2_28 = sin_q2 * t2_25;
+        let t2_29 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_30 = -t2_11;
+        let t2_31 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_32 = (-t2_31).mul_add(t2_28, t2_11);
+        let t2_33 = proto.splat(2.5) * t2_32;
+        let t2_34 = proto.splat(0.75) * t2_28;
+        let t2_35 = -t2_34;
+        let t2_36 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_26);
+        let t2_37 = t2_29 * t2_25;
+        let t2_38 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_37, t2_36);
+        let t2_39 = proto.splat(2.5) * t2_38;
+        let t2_40 = -t2_39;
+        let t2_41 = proto.splat(2.5) * t2_37;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
+            [[t2_33, t2_40], [t2_35, t2_41]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_26],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t2_27, t2_29], [t2_30, t2_36], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t2_4, t2_5, t2_9, t2_10, t2_12, w_2z, t2_20, sin_q1_q2_minus_q3,
+            cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_25, t2_26, x_q2_q1,
+            x_q2_q3, x_q4_q1, x_q4_q3,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t3_28, t3_29, t3_34, t3_38, t3_65, t3_66, t3_67, t3_68] = {
+        let t3_1 = sin_q3 * cos_q4;
+        let sin_q3_q4 = cos_q3.mul_add(sin_q4, t3_1);
+        let t3_2 = sin_q3_q4 * p_my_4;
+        let t3_3 = cos_q3 * cos_q4;
+        let cos_q3_q4 = (-sin_q3).mul_add(sin_q4, t3_3);
+        let t3_4 = (-cos_q3_q4).mul_add(p_mx_4, t3_2);
+        let t3_5 = proto.splat(9.81) * t3_4;
+        let t3_6 = -t3_5;
+        let t3_7 = cos_q4 * d_q3;
+        let t3_8 = sin_q4 * d_q3;
+        let t3_9 = sin_q3 * p_my_3;
+        let t3_10 = (-cos_q3).mul_add(p_mx_3, t3_9);
+        let t3_11 = proto.splat(2.943) * cos_q3;
+        let w_4z = d_q3 + d_q4;
+        let t3_12 = proto.splat(0.3) * p_m_4;
+        let t3_13 = t3_8 * t3_12;
+        let t3_14 = (-w_4z).mul_add(p_my_4, t3_13);
+        let t3_15 = w_4z * p_mx_4;
+        let t3_16 = t3_7.mul_add(t3_12, t3_15);
+        let t3_17 = t3_8 * t3_16;
+        let t3_18 = (-t3_7).mul_add(t3_14, t3_17);
+        let t3_19 = p_my_4 * t3_8;
+        let t3_20 = (-p_mx_4).mul_add(t3_7, t3_19);
+        let t3_21 = proto.splat(0.3).mul_add(t3_18, t3_6);
+        let t3_22 = (-t3_21).mul_add(x_q4_q1, t2_9);
+        let t3_23 = (-t3_21).mul_add(x_q4_q3, t3_6);
+        let t3_24 = (-t2_20).mul_add(x_q2_q1, t3_22);
+        let t3_25 = proto.splat(-9.81).mul_add(t2_4, t3_24);
+        let t3_26 = (-t2_20).mul_add(x_q2_q3, t3_23);
+        let t3_27 = proto.splat(-9.81).mul_add(t3_10, t3_26);
+        let t3_28 = t2_5.mul_add(p_m_2, t3_25);
+        let t3_29 = t3_11.mul_add(p_m_4, t3_27);
+        let t3_30 = proto.splat(1.0) - x_q2_q1;
+        let t3_31 = proto.splat(1.0) - x_q4_q3;
+        let t3_32 = w_2z * x_q2_q3;
+        let t3_33 = w_4z * p_izz_4;
+        let t3_34 = proto.splat(-0.3).mul_add(t3_20, t3_33);
+        let t3_35 = t2_12 * p_my_2;
+        let t3_36 = (-p_mx_2).mul_add(t2_10, t3_35);
+        let t3_37 = w_2z * p_izz_2;
+        let t3_38 = proto.splat(-0.3).mul_add(t3_36, t3_37);
+        let t3_39 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t3_40 = t3_39 * x_q4_q1;
+        let t3_41 = w_2z.mul_add(t3_30, t3_40);
+        let t3_42 = t3_39.mul_add(t3_31, t3_32);
+        let t3_43 = proto.splat(0.4) * t3_41;
+        let t3_44 = proto.splat(0.3).mul_add(t2_10, t3_43);
+        let t3_45 = proto.splat(0.4) * t3_42;
+        let t3_46 = pivot_2 * w_4z;
+        let t3_47 = x_q4_q1 * t3_46;
+        let t3_48 = proto.splat(0.3).mul_add(t2_12, t3_47);
+        let t3_49 = t3_31 * t3_46;
+        let t3_50 = proto.splat(0.3) * d_q3;
+        let t3_51 = cos_q1_q2_minus_q3.mul_add(t3_50, t3_45);
+        let t3_52 = sin_q1_q2_minus_q3.mul_add(t3_50, t3_49);
+        let t3_53 = -t3_44;
+        let t3_54 = t2_25 * t3_44;
+        let t3_55 = t2_25 * t3_51;
+        let t3_56 = -t3_52;
+        let t3_57 = cos_q1_q2_minus_q3_minus_q4.mul_add(t3_55, t3_52);
+        let t3_58 = cos_q1_q2_minus_q3_minus_q4.mul_add(t3_54, t3_48);
+        let t3_59 = proto.splat(2.5) * t3_58;
+        let t3_60 = -t3_59;
+        let t3_61 = proto.splat(2.5) * t3_57;
+        let t3_62 = proto.splat(2.5) * t3_54;
+        let t3_63 = -t3_62;
+        let t3_64 = proto.splat(2.5) * t3_55;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t3_65, t3_66], [t3_67, t3_68]], found) = ::regen_runtime::solve_guarded(
+            [[t3_60, t3_61], [t3_63, t3_64]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_26],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t3_53, t3_51], [t3_48, t3_56], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t3_28, t3_29, t3_34, t3_38, t3_65, t3_66, t3_67, t3_68]
+    };
+    // dp/dt - tau
+    {
+        let t4_1 = (-t3_34).mul_add(t3_67, t3_28);
+        let t4_2 = (-t3_34).mul_add(t3_68, t3_29);
+        let t4_3 = (-t3_38).mul_add(t3_65, t4_1);
+        let t4_4 = (-t3_38).mul_add(t3_66, t4_2);
+        let t4_5 = -t4_3;
+        r[0] = t4_5;
+        let t4_6 = -t4_4;
+        r[1] = t4_6;
+    }
+    (r, Condition { pivot: condition })
+}
+
+/// The regressor Y_p of the generalised momentum, p = Y_p phi.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in p of `INDEPENDENT[r]`
+///
+/// 17 additions, 47 multiplications, 1 divisions, 3 sines and cosines.
+pub fn momentum_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
+    let zero = q[0].splat(0.0);
+    w[0] = [zero; 2];
+    w[1] = [zero; 2];
+    w[2] = [zero; 2];
+    w[3] = [zero; 2];
+    w[4] = [zero; 2];
+    w[5][1] = zero;
+    w[6] = [zero; 2];
+    w[7] = [zero; 2];
+    w[8] = [zero; 2];
+    w[9] = [zero; 2];
+    w[10] = [zero; 2];
+    w[11] = [zero; 2];
+    w[12] = [zero; 2];
+    w[13] = [zero; 2];
+    w[14] = [zero; 2];
+    w[18] = [zero; 2];
+    w[19][1] = zero;
+    w[20] = [zero; 2];
+    w[21] = [zero; 2];
+    w[22] = [zero; 2];
+    w[23] = [zero; 2];
+    w[24] = [zero; 2];
+    w[25][0] = zero;
+    w[26] = [zero; 2];
+    w[27] = [zero; 2];
+    w[28] = [zero; 2];
+    w[29] = [zero; 2];
+    w[30] = [zero; 2];
+    w[31] = [zero; 2];
+    w[32] = [zero; 2];
+    w[33] = [zero; 2];
+    w[34] = [zero; 2];
+    w[38] = [zero; 2];
+    w[39][0] = zero;
+    momentum_regressor_entries(q, qd, w)
+}
+
+/// The entries of [`momentum_regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn momentum_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
+    let proto = q[0];
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let [(sin_q1_q2_minus_q3, cos_q1_q2_minus_q3), (sin_q4, cos_q4), (sin_q2, cos_q2)] =
+            T::sin_cos_all([t1_2, q4, q2]);
+        [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2]
+    };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        w[5][0] = d_q1;
+    }
+    // loops: solve with A_e (Eq. 8, 10)
+    let [w_m_2_q1, w_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let w_m_2_q1 = proto.splat(0.09) * d_q1;
+        let w_2z = d_q1 + d_q2;
+        let t3_1 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_1);
+        let t3_2 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_2);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t3_3 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_4 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_5 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_6 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t3_5);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t3_7 = -u_2_q1x;
+        let t3_8 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t3_9 = -t3_8;
+        let t3_10 = sin_q2 * t3_4;
+        let t3_11 = t3_3 * t3_4;
+        let t3_12 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_13 = (-t3_12).mul_add(t3_10, t3_8);
+        let t3_14 = proto.splat(2.5) * t3_13;
+        let t3_15 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_11, t3_6);
+        let t3_16 = proto.splat(2.5) * t3_15;
+        let t3_17 = -t3_16;
+        let t3_18 = proto.splat(0.75) * t3_10;
+        let t3_19 = -t3_18;
+        let t3_20 = proto.splat(2.5) * t3_11;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
+            [[t3_14, t3_17], [t3_19, t3_20]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t3_5],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t3_7, t3_3], [t3_9, t3_6], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [w_m_2_q1, w_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+    };
+    // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        w[19][0] = w_m_2_q1;
+        let t4_1 = proto.splat(1.0) - x_q2_q1;
+        let w_izz_2_q1 = w_2z * t4_1;
+        w[15][0] = w_izz_2_q1;
+        let w_izz_2_q3 = w_2z * x_q2_q3;
+        let t4_2 = -w_izz_2_q3;
+        w[15][1] = t4_2;
+        let t4_3 = proto.splat(0.3) * x_q2_q3;
+        let t4_4 = cos_q2 * d_q1;
+        let t4_5 = cos_q2 * w_2z;
+        let t4_6 = t4_4.mul_add(t4_1, t4_5);
+        let w_mx_2_q1 = proto.splat(0.3) * t4_6;
+        w[16][0] = w_mx_2_q1;
+        let w_mx_2_q3 = t4_4 * t4_3;
+        let t4_7 = -w_mx_2_q3;
+        w[16][1] = t4_7;
+        let t4_8 = sin_q2 * w_2z;
+        let t4_9 = sin_q2 * d_q1;
+        let t4_10 = t4_9.mul_add(t4_1, t4_8);
+        let w_my_2_q3 = t4_9 * t4_3;
+        w[17][1] = w_my_2_q3;
+        let w_my_2_q1 = proto.splat(0.3) * t4_10;
+        let t4_11 = -w_my_2_q1;
+        w[17][0] = t4_11;
+    }
+    // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        w[25][1] = d_q3;
+    }
+    // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        let t6_1 = proto.splat(1.0) - x_q4_q3;
+        let w_m_4_q3 = proto.splat(0.09) * d_q3;
+        w[39][1] = w_m_4_q3;
+        let w_4z = d_q3 + d_q4;
+        let w_izz_4_q3 = w_4z * t6_1;
+        w[35][1] = w_izz_4_q3;
+        let w_izz_4_q1 = w_4z * x_q4_q1;
+        let t6_2 = -w_izz_4_q1;
+        w[35][0] = t6_2;
+        let t6_3 = proto.splat(0.3) * x_q4_q1;
+        let t6_4 = cos_q4 * d_q3;
+        let t6_5 = cos_q4 * w_4z;
+        let t6_6 = t6_4.mul_add(t6_1, t6_5);
+        let w_mx_4_q3 = proto.splat(0.3) * t6_6;
+        w[36][1] = w_mx_4_q3;
+        let w_mx_4_q1 = t6_4 * t6_3;
+        let t6_7 = -w_mx_4_q1;
+        w[36][0] = t6_7;
+        let t6_8 = sin_q4 * w_4z;
+        let t6_9 = sin_q4 * d_q3;
+        let w_my_4_q1 = t6_9 * t6_3;
+        w[37][0] = w_my_4_q1;
+        let t6_10 = t6_9.mul_add(t6_1, t6_8);
+        let w_my_4_q3 = proto.splat(0.3) * t6_10;
+        let t6_11 = -w_my_4_q3;
+        w[37][1] = t6_11;
+    }
+    Condition { pivot: condition }
+}
+
+/// The regressor Y_r of the momentum's rate: d/dt(Y_p phi) - Y_r phi = tau.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in r of `INDEPENDENT[r]`
+///
+/// 41 additions, 107 multiplications, 1 divisions, 4 sines and cosines.
+pub fn momentum_rate_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
+    let zero = q[0].splat(0.0);
+    w[0] = [zero; 2];
+    w[1] = [zero; 2];
+    w[2] = [zero; 2];
+    w[3] = [zero; 2];
+    w[4] = [zero; 2];
+    w[5] = [zero; 2];
+    w[6][1] = zero;
+    w[7][1] = zero;
+    w[8] = [zero; 2];
+    w[9] = [zero; 2];
+    w[10] = [zero; 2];
+    w[11] = [zero; 2];
+    w[12] = [zero; 2];
+    w[13] = [zero; 2];
+    w[14] = [zero; 2];
+    w[18] = [zero; 2];
+    w[19][1] = zero;
+    w[20] = [zero; 2];
+    w[21] = [zero; 2];
+    w[22] = [zero; 2];
+    w[23] = [zero; 2];
+    w[24] = [zero; 2];
+    w[25] = [zero; 2];
+    w[26][0] = zero;
+    w[27][0] = zero;
+    w[28] = [zero; 2];
+    w[29] = [zero; 2];
+    w[30] = [zero; 2];
+    w[31] = [zero; 2];
+    w[32] = [zero; 2];
+    w[33] = [zero; 2];
+    w[34] = [zero; 2];
+    w[38] = [zero; 2];
+    w[39][0] = zero;
+    momentum_rate_regressor_entries(q, qd, w)
+}
+
+/// The entries of [`momentum_rate_regressor`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn momentum_rate_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
+    let proto = q[0];
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
+    // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        let a_1x = proto.splat(9.81) * sin_q1;
+        w[7][0] = a_1x;
+        let a_1y = proto.splat(9.81) * cos_q1;
+        let t2_1 = -a_1y;
+        w[6][0] = t2_1;
+    }
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t3_1, w_2z, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, t3_6, t3_7,
+        cos_q1_q2_minus_q3_minus_q4, pivot_2, t3_10, t3_11, t3_12, t3_19, x_q2_q1, x_q2_q3,
+        x_q4_q1, x_q4_q3,
+    ] = {
+        let w_m_2_q1 = proto.splat(2.943) * cos_q1;
+        let t3_1 = -w_m_2_q1;
+        let w_2z = d_q1 + d_q2;
+        let t3_2 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_2);
+        let t3_3 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_3);
+        let t3_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_4);
+        let t3_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_5);
+        let t3_6 = proto.splat(9.81) * cos_q1_q2;
+        let t3_7 = proto.splat(9.81) * sin_q1_q2;
+        let t3_8 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_8);
+        let t3_9 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_9);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t3_10 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_11 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_12 = cos_q2 * d_q1;
+        let t3_13 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t3_14 = -u_2_q1x;
+        let t3_15 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_16 = -t3_13;
+        let t3_17 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t3_11);
+        let t3_18 = sin_q2 * t3_10;
+        let t3_19 = sin_q2 * d_q1;
+        let t3_20 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_21 = (-t3_20).mul_add(t3_18, t3_13);
+        let t3_22 = proto.splat(2.5) * t3_21;
+        let t3_23 = proto.splat(0.75) * t3_18;
+        let t3_24 = -t3_23;
+        let t3_25 = t3_15 * t3_10;
+        let t3_26 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_25, t3_17);
+        let t3_27 = proto.splat(2.5) * t3_26;
+        let t3_28 = -t3_27;
+        let t3_29 = proto.splat(2.5) * t3_25;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
+            [[t3_22, t3_28], [t3_24, t3_29]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t3_11],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t3_14, t3_15], [t3_16, t3_17], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t3_1, w_2z, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, t3_6, t3_7,
+            cos_q1_q2_minus_q3_minus_q4, pivot_2, t3_10, t3_11, t3_12, t3_19, x_q2_q1, x_q2_q3,
+            x_q4_q1, x_q4_q3,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t4_1, t4_2, w_4z, t4_10, t4_12, t4_31, t4_32, t4_33, t4_34] = {
+        let t4_1 = proto.splat(1.0) - x_q2_q1;
+        let t4_2 = w_2z * x_q2_q1;
+        let w_4z = d_q3 + d_q4;
+        let t4_3 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t4_4 = t4_3 * x_q4_q1;
+        let t4_5 = w_2z.mul_add(t4_1, t4_4);
+        let t4_6 = proto.splat(0.4) * t4_5;
+        let t4_7 = proto.splat(0.3).mul_add(t3_12, t4_6);
+        let t4_8 = -t4_7;
+        let t4_9 = t3_10 * t4_7;
+        let t4_10 = proto.splat(1.0) - x_q4_q3;
+        let t4_11 = proto.splat(0.3) * d_q3;
+        let t4_12 = w_2z * x_q2_q3;
+        let t4_13 = t4_3.mul_add(t4_10, t4_12);
+        let t4_14 = proto.splat(0.4) * t4_13;
+        let t4_15 = cos_q1_q2_minus_q3.mul_add(t4_11, t4_14);
+        let t4_16 = t3_10 * t4_15;
+        let t4_17 = pivot_2 * w_4z;
+        let t4_18 = t4_10 * t4_17;
+        let t4_19 = sin_q1_q2_minus_q3.mul_add(t4_11, t4_18);
+        let t4_20 = x_q4_q1 * t4_17;
+        let t4_21 = proto.splat(0.3).mul_add(t3_19, t4_20);
+        let t4_22 = -t4_19;
+        let t4_23 = cos_q1_q2_minus_q3_minus_q4.mul_add(t4_16, t4_19);
+        let t4_24 = cos_q1_q2_minus_q3_minus_q4.mul_add(t4_9, t4_21);
+        let t4_25 = proto.splat(2.5) * t4_24;
+        let t4_26 = -t4_25;
+        let t4_27 = proto.splat(2.5) * t4_23;
+        let t4_28 = proto.splat(2.5) * t4_9;
+        let t4_29 = -t4_28;
+        let t4_30 = proto.splat(2.5) * t4_16;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t4_31, t4_32], [t4_33, t4_34]], found) = ::regen_runtime::solve_guarded(
+            [[t4_26, t4_27], [t4_29, t4_30]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t3_11],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t4_8, t4_15], [t4_21, t4_22], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t4_1, t4_2, w_4z, t4_10, t4_12, t4_31, t4_32, t4_33, t4_34]
+    };
+    // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        w[19][0] = t3_1;
+        let w_izz_2_q1 = w_2z * t4_31;
+        w[15][0] = w_izz_2_q1;
+        let w_izz_2_q3 = w_2z * t4_32;
+        w[15][1] = w_izz_2_q3;
+        let t5_1 = t3_19 * t4_2;
+        let t5_2 = t3_12.mul_add(t4_31, t5_1);
+        let t5_3 = t3_12 * t4_2;
+        let t5_4 = (-t3_19).mul_add(t4_31, t5_3);
+        let t5_5 = t4_1 * t3_7;
+        let w_my_2_q1 = proto.splat(0.3).mul_add(t5_4, t5_5);
+        w[17][0] = w_my_2_q1;
+        let t5_6 = t4_1 * t3_6;
+        let w_mx_2_q1 = proto.splat(-0.3).mul_add(t5_2, t5_6);
+        let t5_7 = -w_mx_2_q1;
+        w[16][0] = t5_7;
+        let t5_8 = x_q2_q3 * t3_6;
+        let t5_9 = x_q2_q3 * t3_7;
+        let t5_10 = t3_19 * t4_12;
+        let t5_11 = t3_12.mul_add(t4_32, t5_10);
+        let t5_12 = t3_12 * t4_12;
+        let t5_13 = (-t3_19).mul_add(t4_32, t5_12);
+        let w_mx_2_q3 = proto.splat(0.3).mul_add(t5_11, t5_8);
+        w[16][1] = w_mx_2_q3;
+        let w_my_2_q3 = proto.splat(-0.3).mul_add(t5_13, t5_9);
+        let t5_14 = -w_my_2_q3;
+        w[17][1] = t5_14;
+    }
+    // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        let a_3x = proto.splat(9.81) * sin_q3;
+        w[27][1] = a_3x;
+        let a_3y = proto.splat(9.81) * cos_q3;
+        let t6_1 = -a_3y;
+        w[26][1] = t6_1;
+    }
+    // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
+        let w_izz_4_q1 = w_4z * t4_33;
+        w[35][0] = w_izz_4_q1;
+        let w_izz_4_q3 = w_4z * t4_34;
+        w[35][1] = w_izz_4_q3;
+        let t7_1 = x_q4_q3 * w_4z;
+        let t7_2 = x_q4_q1 * w_4z;
+        let t7_3 = proto.splat(9.81) * x_q4_q1;
+        let t7_4 = proto.splat(9.81) * t4_10;
+        let w_m_4_q3 = proto.splat(2.943) * cos_q3;
+        let t7_5 = -w_m_4_q3;
+        w[39][1] = t7_5;
+        let t7_6 = sin_q3 * cos_q4;
+        let sin_q3_q4 = cos_q3.mul_add(sin_q4, t7_6);
+        let t7_7 = cos_q3 * cos_q4;
+        let cos_q3_q4 = (-sin_q3).mul_add(sin_q4, t7_7);
+        let t7_8 = cos_q4 * d_q3;
+        let t7_9 = sin_q4 * d_q3;
+        let t7_10 = t7_9 * t7_2;
+        let t7_11 = t7_8.mul_add(t4_33, t7_10);
+        let t7_12 = t7_8 * t7_2;
+        let t7_13 = (-t7_9).mul_add(t4_33, t7_12);
+        let t7_14 = cos_q3_q4 * t7_3;
+        let w_mx_4_q1 = proto.splat(0.3).mul_add(t7_11, t7_14);
+        w[36][0] = w_mx_4_q1;
+        let t7_15 = sin_q3_q4 * t7_3;
+        let w_my_4_q1 = proto.splat(-0.3).mul_add(t7_13, t7_15);
+        let t7_16 = -w_my_4_q1;
+        w[37][0] = t7_16;
+        let t7_17 = cos_q3_q4 * t7_4;
+        let t7_18 = sin_q3_q4 * t7_4;
+        let t7_19 = t7_9 * t7_1;
+        let t7_20 = t7_8.mul_add(t4_34, t7_19);
+        let t7_21 = t7_8 * t7_1;
+        let t7_22 = (-t7_9).mul_add(t4_34, t7_21);
+        let w_my_4_q3 = proto.splat(0.3).mul_add(t7_22, t7_18);
+        w[37][1] = w_my_4_q3;
+        let w_mx_4_q3 = proto.splat(-0.3).mul_add(t7_20, t7_17);
+        let t7_23 = -w_mx_4_q3;
+        w[36][1] = t7_23;
+    }
+    Condition { pivot: condition }
+}
+
+/// The matrix C(q, qd) of Christoffel symbols: C qd_i are the Coriolis and centrifugal efforts, and dM/dt - 2 C is skew-symmetric.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `c`: C(q, qd), row by row, in the order of `INDEPENDENT`
+///
+/// 47 additions, 91 multiplications, 1 divisions, 3 sines and cosines.
+pub fn coriolis_matrix<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condition<T>) {
+    let proto = q[0];
+    let mut c = [[proto.splat(0.0); 2]; 2];
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let [(sin_q2, cos_q2), (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, t1_2, q4]);
+        [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4]
+    };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, _, _, _, _, _,
+        _, _, _, _, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, p_m_4,
+    ] = *phi;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t2_1, t2_2, t2_5, w_2z, t2_10, cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_13, t2_14,
+        t2_21, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3,
+    ] = {
+        let t2_1 = cos_q2 * d_q1;
+        let t2_2 = sin_q2 * d_q1;
+        let t2_3 = t2_2 * p_mx_2;
+        let t2_4 = p_my_2.mul_add(t2_1, t2_3);
+        let t2_5 = proto.splat(0.3) * t2_4;
+        let w_2z = d_q1 + d_q2;
+        let t2_6 = w_2z * p_my_2;
+        let t2_7 = cos_q2 * t2_6;
+        let t2_8 = w_2z * p_mx_2;
+        let t2_9 = sin_q2.mul_add(t2_8, t2_7);
+        let t2_10 = proto.splat(0.3) * t2_9;
+        let t2_11 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_11);
+        let t2_12 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_12);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_13 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_14 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t2_15 = -u_2_q1x;
+        let t2_16 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_17 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t2_18 = cos_q2 * p_mx_2;
+        let t2_19 = (-sin_q2).mul_add(p_my_2, t2_18);
+        let t2_20 = sin_q2 * t2_13;
+        let t2_21 = proto.splat(0.3).mul_add(t2_19, p_izz_2);
+        let t2_22 = -t2_17;
+        let t2_23 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_24 = (-t2_23).mul_add(t2_20, t2_17);
+        let t2_25 = proto.splat(2.5) * t2_24;
+        let t2_26 = proto.splat(0.75) * t2_20;
+        let t2_27 = -t2_26;
+        let t2_28 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_14);
+        let t2_29 = t2_16 * t2_13;
+        let t2_30 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_29, t2_28);
+        let t2_31 = proto.splat(2.5) * t2_30;
+        let t2_32 = -t2_31;
+        let t2_33 = proto.splat(2.5) * t2_29;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
+            [[t2_25, t2_32], [t2_27, t2_33]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_14],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t2_15, t2_16], [t2_22, t2_28], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t2_1, t2_2, t2_5, w_2z, t2_10, cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_13, t2_14,
+            t2_21, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t3_1, w_4z, t3_8, t3_30, t3_31, t3_32, t3_33] = {
+        let t3_1 = proto.splat(1.0) - x_q2_q1;
+        let w_4z = d_q3 + d_q4;
+        let t3_2 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t3_3 = t3_2 * x_q4_q1;
+        let t3_4 = w_2z.mul_add(t3_1, t3_3);
+        let t3_5 = proto.splat(0.4) * t3_4;
+        let t3_6 = proto.splat(0.3).mul_add(t2_1, t3_5);
+        let t3_7 = w_2z * x_q2_q3;
+        let t3_8 = proto.splat(1.0) - x_q4_q3;
+        let t3_9 = t3_2.mul_add(t3_8, t3_7);
+        let t3_10 = proto.splat(0.4) * t3_9;
+        let t3_11 = proto.splat(0.3) * d_q3;
+        let t3_12 = cos_q1_q2_minus_q3.mul_add(t3_11, t3_10);
+        let t3_13 = -t3_6;
+        let t3_14 = t2_13 * t3_6;
+        let t3_15 = t2_13 * t3_12;
+        let t3_16 = pivot_2 * w_4z;
+        let t3_17 = t3_8 * t3_16;
+        let t3_18 = sin_q1_q2_minus_q3.mul_add(t3_11, t3_17);
+        let t3_19 = x_q4_q1 * t3_16;
+        let t3_20 = proto.splat(0.3).mul_add(t2_2, t3_19);
+        let t3_21 = -t3_18;
+        let t3_22 = cos_q1_q2_minus_q3_minus_q4.mul_add(t3_15, t3_18);
+        let t3_23 = cos_q1_q2_minus_q3_minus_q4.mul_add(t3_14, t3_20);
+        let t3_24 = proto.splat(2.5) * t3_23;
+        let t3_25 = -t3_24;
+        let t3_26 = proto.splat(2.5) * t3_22;
+        let t3_27 = proto.splat(2.5) * t3_14;
+        let t3_28 = -t3_27;
+        let t3_29 = proto.splat(2.5) * t3_15;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t3_30, t3_31], [t3_32, t3_33]], found) = ::regen_runtime::solve_guarded(
+            [[t3_25, t3_26], [t3_28, t3_29]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_14],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t3_13, t3_12], [t3_20, t3_21], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t3_1, w_4z, t3_8, t3_30, t3_31, t3_32, t3_33]
+    };
+    // C
+    {
+        let t4_1 = p_izz_2.mul_add(t3_30, t2_5);
+        let t4_2 = p_izz_4 * t3_32;
+        let t4_3 = (-x_q4_q1).mul_add(t4_2, t2_5);
+        let t4_4 = (-x_q2_q1).mul_add(t4_1, t4_3);
+        let t4_5 = t2_21.mul_add(t3_30, t4_4);
+        let t4_6 = (-t3_1).mul_add(t2_10, t4_5);
+        c[0][0] = t4_6;
+        let t4_7 = t2_21 * t3_31;
+        let t4_8 = p_izz_2 * t3_31;
+        let t4_9 = cos_q4 * d_q3;
+        let t4_10 = sin_q4 * d_q3;
+        let t4_11 = p_mx_4 * t4_10;
+        let t4_12 = p_my_4.mul_add(t4_9, t4_11);
+        let t4_13 = proto.splat(0.3) * t4_12;
+        let t4_14 = p_izz_4.mul_add(t3_33, t4_13);
+        let t4_15 = (-x_q4_q1).mul_add(t4_14, t4_7);
+        let t4_16 = (-x_q2_q1).mul_add(t4_8, t4_15);
+        let t4_17 = t2_10.mul_add(x_q2_q3, t4_16);
+        c[0][1] = t4_17;
+        let t4_18 = (-x_q4_q3).mul_add(t4_14, t4_13);
+        let t4_19 = (-x_q2_q3).mul_add(t4_8, t4_18);
+        let t4_20 = w_4z * p_mx_4;
+        let t4_21 = w_4z * p_my_4;
+        let t4_22 = proto.splat(0.3) * p_m_4;
+        let t4_23 = t4_9.mul_add(t4_22, t4_20);
+        let t4_24 = t4_10.mul_add(t4_22, -t4_21);
+        let t4_25 = cos_q4 * t4_24;
+        let t4_26 = sin_q4.mul_add(t4_23, -t4_25);
+        let t4_27 = cos_q4 * p_mx_4;
+        let t4_28 = (-sin_q4).mul_add(p_my_4, t4_27);
+        let t4_29 = proto.splat(0.3).mul_add(t4_28, p_izz_4);
+        let t4_30 = t4_29 * t3_32;
+        let t4_31 = (-x_q4_q3).mul_add(t4_2, t4_30);
+        let t4_32 = (-x_q2_q3).mul_add(t4_1, t4_31);
+        let t4_33 = t4_29.mul_add(t3_33, t4_19);
+        let t4_34 = proto.splat(0.3) * t4_26;
+        let t4_35 = t4_34.mul_add(x_q4_q1, t4_32);
+        c[1][0] = t4_35;
+        let t4_36 = (-t3_8).mul_add(t4_34, t4_33);
+        c[1][1] = t4_36;
+    }
+    (c, Condition { pivot: condition })
+}
+
+/// Forward dynamics: the accelerations of the independent coordinates that efforts cause.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `tau_i`: efforts of the independent coordinates, N m or N, in the order of `INDEPENDENT`
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `qdd_i`: qdd_i with M qdd_i + C qd_i + gravity, friction and others = tau_i, in the order of `INDEPENDENT`
+///
+/// 75 additions, 122 multiplications, 4 divisions, 4 sines and cosines.
+pub fn forward_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], tau_i: &[T; 2], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
+    let proto = q[0];
+    let mut qdd_i = [proto.splat(0.0); 2];
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q1, cos_q1, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q1, q3, q4]);
+        [sin_q2, cos_q2, sin_q1, cos_q1, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
+    let [
+        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2,
+        _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _, _, _, _, _, _, p_izz_4, p_mx_4,
+        p_my_4, _, p_m_4,
+    ] = *phi;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t2_3, t2_4, t2_5, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4,
+        pivot_2, t2_12, t2_13, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3,
+    ] = {
+        let t2_1 = cos_q2 * p_mx_2;
+        let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let t2_3 = proto.splat(0.3).mul_add(p_m_2, t2_2);
+        let t2_4 = proto.splat(0.3) * t2_2;
+        let t2_5 = p_izz_2 + t2_4;
+        let t2_6 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_6);
+        let t2_7 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_7);
+        let t2_8 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_8);
+        let t2_9 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_9);
+        let t2_10 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_10);
+        let t2_11 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_11);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_12 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_13 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t2_14 = -u_2_q1x;
+        let t2_15 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_16 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t2_17 = -t2_16;
+        let t2_18 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_13);
+        let t2_19 = sin_q2 * t2_12;
+        let t2_20 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_21 = (-t2_20).mul_add(t2_19, t2_16);
+        let t2_22 = proto.splat(2.5) * t2_21;
+        let t2_23 = proto.splat(0.75) * t2_19;
+        let t2_24 = -t2_23;
+        let t2_25 = t2_15 * t2_12;
+        let t2_26 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_25, t2_18);
+        let t2_27 = proto.splat(2.5) * t2_26;
+        let t2_28 = -t2_27;
+        let t2_29 = proto.splat(2.5) * t2_25;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
+            [[t2_22, t2_28], [t2_24, t2_29]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_13],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t2_14, t2_15], [t2_17, t2_18], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t2_3, t2_4, t2_5, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+            cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_12, t2_13, x_q2_q1, x_q2_q3, x_q4_q1,
+            x_q4_q3,
+        ]
+    };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t3_21, t3_24, t3_25, t3_26, t3_31, t3_32, t3_34, t3_35, t3_36, t3_38, t3_39, t3_48,
+        t3_50, t3_51, t3_53, t3_55, t3_56, t3_67, t3_68,
+    ] = {
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_5);
+        let t3_2 = t3_1 + t2_5;
+        let t3_3 = x_q4_q1 * p_izz_4;
+        let t3_4 = t3_3.mul_add(x_q4_q1, p_izz_1);
+        let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
+        let t3_6 = t3_5 + p_izz_2;
+        let t3_7 = proto.splat(0.3).mul_add(t2_3, t3_6);
+        let t3_8 = t3_7 + t2_4;
+        let t3_9 = cos_q4 * p_mx_4;
+        let t3_10 = (-sin_q4).mul_add(p_my_4, t3_9);
+        let t3_11 = proto.splat(0.3).mul_add(p_m_4, t3_10);
+        let t3_12 = proto.splat(0.3) * t3_10;
+        let t3_13 = p_izz_4 + t3_12;
+        let t3_14 = p_izz_2 * x_q2_q3;
+        let t3_15 = (-p_izz_4).mul_add(x_q4_q3, t3_13);
+        let t3_16 = t3_15 + t3_13;
+        let t3_17 = (-x_q4_q3).mul_add(t3_16, p_izz_3);
+        let t3_18 = x_q2_q3.mul_add(t3_14, t3_17);
+        let t3_19 = t3_18 + p_izz_4;
+        let t3_20 = proto.splat(0.3).mul_add(t3_11, t3_19);
+        let t3_21 = t3_20 + t3_12;
+        let t3_22 = x_q4_q1 * t3_15;
+        let t3_23 = x_q2_q3.mul_add(t3_1, t3_22);
+        let t3_24 = T::select(proto.splat(0.0).less(t3_21), proto.splat(1.0), proto.splat(0.0));
+        let t3_25 = proto.splat(1.0) / t3_21;
+        let t3_26 = t3_23 * t3_25;
+        let t3_27 = (-t3_23).mul_add(t3_26, t3_8);
+        let t3_28 = T::select(proto.splat(0.0).less(t3_27), proto.splat(1.0), proto.splat(0.0));
+        let t3_29 = t3_24 * t3_28;
+        let t3_30 = t3_27 / t3_8;
+        let t3_31 = t3_30 * t3_28;
+        let t3_32 = t3_8 * t3_29;
+        let t3_33 = t3_23 * t3_29;
+        let t3_34 = -t3_33;
+        let t3_35 = -t3_23;
+        let t3_36 = proto.splat(1.0) / t3_27;
+        let t3_37 = d_q1 * d_q1;
+        let w_2z = d_q1 + d_q2;
+        let t3_38 = w_2z * w_2z;
+        let w_4z = d_q3 + d_q4;
+        let t3_39 = w_4z * w_4z;
+        let t3_40 = d_q3 * d_q3;
+        let t3_41 = cos_q2 * t3_37;
+        let t3_42 = (-cos_q1_q2_minus_q3).mul_add(t3_40, t3_41);
+        let t3_43 = sin_q2 * t3_37;
+        let t3_44 = (-sin_q1_q2_minus_q3).mul_add(t3_40, t3_43);
+        let t3_45 = proto.splat(0.3) * t3_44;
+        let t3_46 = (-t3_39).mul_add(pivot_2, t3_45);
+        let t3_47 = proto.splat(0.3) * t3_37;
+        let t3_48 = proto.splat(-9.81).mul_add(sin_q1, t3_47);
+        let t3_49 = sin_q1 * p_my_1;
+        let t3_50 = (-cos_q1).mul_add(p_mx_1, t3_49);
+        let t3_51 = proto.splat(9.81) * cos_q1;
+        let t3_52 = proto.splat(9.81) * sin_q3;
+        let t3_53 = proto.splat(-0.3).mul_add(t3_40, t3_52);
+        let t3_54 = sin_q3 * p_my_3;
+        let t3_55 = (-cos_q3).mul_add(p_mx_3, t3_54);
+        let t3_56 = proto.splat(9.81) * cos_q3;
+        let t3_57 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_39, t3_38);
+        let t3_58 = proto.splat(0.4) * t3_57;
+        let t3_59 = proto.splat(0.3).mul_add(t3_42, t3_58);
+        let t3_60 = t2_12 * t3_59;
+        let t3_61 = -t3_59;
+        let t3_62 = cos_q1_q2_minus_q3_minus_q4.mul_add(t3_60, t3_46);
+        let t3_63 = proto.splat(2.5) * t3_62;
+        let t3_64 = -t3_63;
+        let t3_65 = proto.splat(2.5) * t3_60;
+        let t3_66 = -t3_65;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t3_67], [t3_68]], found) = ::regen_runtime::solve_guarded(
+            [[t3_64], [t3_66]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_13],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [[t3_61], [t3_46], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t3_21, t3_24, t3_25, t3_26, t3_31, t3_32, t3_34, t3_35, t3_36, t3_38, t3_39, t3_48,
+            t3_50, t3_51, t3_53, t3_55, t3_56, t3_67, t3_68,
+        ]
+    };
+    let [tau_q1, tau_q3] = *tau_i;
+    // qdd_i
+    {
+        let t4_1 = cos_q2 * t3_51;
+        let t4_2 = sin_q2.mul_add(t3_48, t4_1);
+        let t4_3 = cos_q2 * t3_48;
+        let t4_4 = (-sin_q2).mul_add(t3_51, t4_3);
+        let t4_5 = p_izz_2 * t3_67;
+        let t4_6 = p_my_2.mul_add(t4_4, t4_5);
+        let t4_7 = p_mx_2.mul_add(t4_2, t4_6);
+        let t4_8 = p_m_2 * t4_4;
+        let t4_9 = p_my_2.mul_add(t3_67, t4_8);
+        let t4_10 = t3_38.mul_add(p_mx_2, t4_9);
+        let t4_11 = sin_q2 * t4_10;
+        let t4_12 = p_m_2 * t4_2;
+        let t4_13 = p_mx_2.mul_add(t3_67, t4_12);
+        let t4_14 = (-t3_38).mul_add(p_my_2, t4_13);
+        let t4_15 = (-cos_q2).mul_add(t4_14, t4_11);
+        let t4_16 = sin_q4 * t3_53;
+        let t4_17 = (-cos_q4).mul_add(t3_56, t4_16);
+        let t4_18 = sin_q4 * t3_56;
+        let t4_19 = cos_q4.mul_add(t3_53, t4_18);
+        let t4_20 = p_izz_4 * t3_68;
+        let t4_21 = (-p_my_4).mul_add(t4_19, t4_20);
+        let t4_22 = (-p_mx_4).mul_add(t4_17, t4_21);
+        let t4_23 = (-t4_22).mul_add(x_q4_q1, t4_7);
+        let t4_24 = (-t4_7).mul_add(x_q2_q1, t4_23);
+        let t4_25 = (-t4_22).mul_add(x_q4_q3, t4_22);
+        let t4_26 = (-t4_7).mul_add(x_q2_q3, t4_25);
+        let t4_27 = proto.splat(-9.81).mul_add(t3_50, t4_24);
+        let t4_28 = proto.splat(-0.3).mul_add(t4_15, t4_27);
+        let t4_29 = proto.splat(-9.81).mul_add(t3_55, t4_26);
+        let t4_30 = t4_28 - tau_q1;
+        let t4_31 = p_m_4 * t4_19;
+        let t4_32 = (-p_my_4).mul_add(t3_68, t4_31);
+        let t4_33 = (-t3_39).mul_add(p_mx_4, t4_32);
+        let t4_34 = sin_q4 * t4_33;
+        let t4_35 = p_m_4 * t4_17;
+        let t4_36 = (-p_mx_4).mul_add(t3_68, t4_35);
+        let t4_37 = t3_39.mul_add(p_my_4, t4_36);
+        let t4_38 = (-cos_q4).mul_add(t4_37, t4_34);
+        let t4_39 = proto.splat(0.3).mul_add(t4_38, t4_29);
+        let t4_40 = t4_39 - tau_q3;
+        let t4_41 = t4_40.mul_add(t3_26, t4_30);
+        let t4_42 = t4_41 * t3_36;
+        let t4_43 = t3_26 * t4_42;
+        let t4_44 = t4_40.mul_add(t3_25, t4_43);
+        let t4_45 = -t4_30;
+        let t4_46 = -t4_40;
+        let t4_47 = -t4_42;
+        let t4_48 = -t4_44;
+        // the smallest pivot relative to its usual size
+        let margin = (t3_24 * proto.splat(1.0)).abs()
+            .min((t3_31 * proto.splat(1.0)).abs());
+        let ([[t4_49], [t4_50]], found) = ::regen_runtime::solve_guarded(
+            [[t4_47], [t4_48]],
+            margin,
+            || (
+                [[t3_32, t3_34], [t3_35, t3_21]],
+                [[t4_45], [t4_46]],
+            ),
+        );
+        condition = condition.min(found);
+        qdd_i[0] = t4_49; qdd_i[1] = t4_50;
+    }
+    (qdd_i, Condition { pivot: condition })
+}
+
+/// The derivatives of the inverse dynamics by the independent coordinates and velocities, along the closure.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `qdd`: accelerations of all coordinates
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `slopes`: column by column: the derivatives of tau_i by q_i, then those by qd_i, each in the order of `INDEPENDENT`
+///
+/// 164 additions, 283 multiplications, 1 divisions, 4 sines and cosines.
+pub fn inverse_dynamics_derivatives<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &[T; 40], slopes: &mut [[T; 2]; 4]) -> Condition<T> {
+    inverse_dynamics_derivatives_entries(q, qd, qdd, phi, slopes)
+}
+
+/// The entries of [`inverse_dynamics_derivatives`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn inverse_dynamics_derivatives_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &[T; 40], slopes: &mut [[T; 2]; 4]) -> Condition<T> {
+    let proto = q[0];
+    let mut condition = Condition::of_state(proto, &[q, qd, qdd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
+    let [
+        _, _, _, _, _, _, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _,
+        p_m_2, _, _, _, _, _, _, p_mx_3, p_my_3, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4,
+        _, p_m_4,
+    ] = *phi;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t2_7, t2_10, t2_11, t2_19, t2_22, w_2z, t2_30, t2_34, t2_35, sin_q1_q2_minus_q3,
+        cos_q1_q2_minus_q3, sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, pivot_2,
+        t2_40, u_2_q1x, t2_42, u_2_q1y, t2_46, t2_48, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3,
+    ] = {
+        let t2_1 = cos_q2 * p_mx_2;
+        let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let t2_3 = proto.splat(0.3) * p_m_2;
+        let t2_4 = p_mx_1 + t2_3;
+        let t2_5 = t2_4 + t2_2;
+        let t2_6 = cos_q2 * p_my_2;
+        let t2_7 = sin_q2.mul_add(p_mx_2, t2_6);
+        let t2_8 = p_my_1 + t2_7;
+        let t2_9 = cos_q1 * t2_8;
+        let t2_10 = sin_q1.mul_add(t2_5, t2_9);
+        let t2_11 = d_q1 * d_q1;
+        let t2_12 = proto.splat(0.3) * t2_11;
+        let t2_13 = proto.splat(-9.81).mul_add(sin_q1, t2_12);
+        let t2_14 = proto.splat(0.3) * dd_q1;
+        let t2_15 = proto.splat(9.81).mul_add(cos_q1, t2_14);
+        let t2_16 = cos_q2 * t2_13;
+        let a_2x = (-sin_q2).mul_add(t2_15, t2_16);
+        let t2_17 = cos_q2 * t2_15;
+        let a_2y = sin_q2.mul_add(t2_13, t2_17);
+        let t2_18 = a_2x * p_mx_2;
+        let t2_19 = (-a_2y).mul_add(p_my_2, t2_18);
+        let al_2z = dd_q1 + dd_q2;
+        let t2_20 = al_2z * p_izz_2;
+        let t2_21 = a_2x.mul_add(p_my_2, t2_20);
+        let t2_22 = a_2y.mul_add(p_mx_2, t2_21);
+        let w_2z = d_q1 + d_q2;
+        let t2_23 = w_2z * w_2z;
+        let t2_24 = al_2z * p_mx_2;
+        let t2_25 = (-t2_23).mul_add(p_my_2, t2_24);
+        let t2_26 = al_2z * p_my_2;
+        let t2_27 = t2_23.mul_add(p_mx_2, t2_26);
+        let t2_28 = cos_q2 * t2_27;
+        let t2_29 = sin_q2.mul_add(t2_25, t2_28);
+        let t2_30 = proto.splat(-0.3).mul_add(t2_29, t2_19);
+        let t2_31 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_31);
+        let t2_32 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_32);
+        let t2_33 = sin_q1 * t2_2;
+        let t2_34 = cos_q1.mul_add(t2_7, t2_33);
+        let t2_35 = proto.splat(0.3).mul_add(t2_2, p_izz_2);
+        let t2_36 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_36);
+        let t2_37 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_37);
+        let t2_38 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_38);
+        let t2_39 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_39);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_40 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t2_41 = -u_2_q1x;
+        let t2_42 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_43 = t2_42 + pivot_2;
+        let u_2_q1y = proto.splat(0.3) * cos_q2;
+        let t2_44 = proto.splat(0.4) + u_2_q1y;
+        let t2_45 = -t2_44;
+        let t2_46 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_47 = t2_46 + t2_40;
+        let t2_48 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_49 = sin_q2 * t2_48;
+        let t2_50 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_51 = (-t2_50).mul_add(t2_49, t2_44);
+        let t2_52 = proto.splat(2.5) * t2_51;
+        let t2_53 = proto.splat(0.75) * t2_49;
+        let t2_54 = -t2_53;
+        let t2_55 = t2_43 * t2_48;
+        let t2_56 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_55, t2_47);
+        let t2_57 = proto.splat(2.5) * t2_56;
+        let t2_58 = -t2_57;
+        let t2_59 = proto.splat(2.5) * t2_55;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
+            [[t2_52, t2_58], [t2_54, t2_59]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_40],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t2_41, t2_43], [t2_45, t2_47], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t2_7, t2_10, t2_11, t2_19, t2_22, w_2z, t2_30, t2_34, t2_35, sin_q1_q2_minus_q3,
+            cos_q1_q2_minus_q3, sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4,
+            pivot_2, t2_40, u_2_q1x, t2_42, u_2_q1y, t2_46, t2_48, x_q2_q1, x_q2_q3, x_q4_q1,
+            x_q4_q3,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t3_1, t3_2, w_4z, t3_3, t3_10, t3_11, t3_16, t3_17, t3_21, t3_22, t3_23, t3_25, t3_38,
+        t3_39, t3_40, t3_41,
+    ] = {
+        let t3_1 = t2_7 * w_2z;
+        let t3_2 = proto.splat(1.0) - x_q2_q1;
+        let w_4z = d_q3 + d_q4;
+        let t3_3 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t3_4 = t3_3 * x_q4_q1;
+        let t3_5 = w_2z.mul_add(t3_2, t3_4);
+        let t3_6 = proto.splat(0.4) * t3_5;
+        let t3_7 = d_q1.mul_add(u_2_q1y, t3_6);
+        let t3_8 = -t3_7;
+        let t3_9 = t2_48 * t3_7;
+        let t3_10 = proto.splat(1.0) - x_q4_q3;
+        let t3_11 = proto.splat(0.3) * d_q3;
+        let t3_12 = w_2z * x_q2_q3;
+        let t3_13 = t3_3.mul_add(t3_10, t3_12);
+        let t3_14 = proto.splat(0.4) * t3_13;
+        let t3_15 = cos_q1_q2_minus_q3.mul_add(t3_11, t3_14);
+        let t3_16 = proto.splat(0.8) * w_2z;
+        let t3_17 = sin_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t3_18 = proto.splat(0.4) * x_q4_q1;
+        let t3_19 = t3_17 * t3_18;
+        let t3_20 = d_q1.mul_add(u_2_q1x, t3_19);
+        let t3_21 = sin_q1_q2_minus_q3_minus_q4 * x_q4_q1;
+        let t3_22 = (-t3_21).mul_add(t3_18, u_2_q1x);
+        let t3_23 = proto.splat(0.4) * t3_10;
+        let t3_24 = sin_q1_q2_minus_q3_minus_q4 * t3_10;
+        let t3_25 = t3_24.mul_add(t3_23, t2_42);
+        let t3_26 = t3_17 * t3_23;
+        let t3_27 = sin_q1_q2_minus_q3.mul_add(t3_11, t3_26);
+        let t3_28 = -t3_27;
+        let t3_29 = cos_q1_q2_minus_q3_minus_q4.mul_add(t3_9, t3_20);
+        let t3_30 = proto.splat(2.5) * t3_29;
+        let t3_31 = -t3_30;
+        let t3_32 = proto.splat(2.5) * t3_9;
+        let t3_33 = -t3_32;
+        let t3_34 = t2_48 * t3_15;
+        let t3_35 = cos_q1_q2_minus_q3_minus_q4.mul_add(t3_34, t3_27);
+        let t3_36 = proto.splat(2.5) * t3_35;
+        let t3_37 = proto.splat(2.5) * t3_34;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t3_38, t3_39], [t3_40, t3_41]], found) = ::regen_runtime::solve_guarded(
+            [[t3_31, t3_36], [t3_33, t3_37]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_40],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t3_8, t3_15], [t3_20, t3_28], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t3_1, t3_2, w_4z, t3_3, t3_10, t3_11, t3_16, t3_17, t3_21, t3_22, t3_23, t3_25,
+            t3_38, t3_39, t3_40, t3_41,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t4_72, t4_83, t4_84, t4_85, t4_86] = {
+        let t4_1 = x_q4_q1 + t3_2;
+        let t4_2 = sin_q1_q2_minus_q3_minus_q4 * t4_1;
+        let t4_3 = cos_q1_q2_minus_q3_minus_q4 * t4_1;
+        let t4_4 = w_4z * t4_2;
+        let t4_5 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_40, t4_4);
+        let t4_6 = t3_3 * t3_40;
+        let t4_7 = (-w_4z).mul_add(t4_5, t4_6);
+        let t4_8 = (-dd_q4).mul_add(t4_3, t4_7);
+        let t4_9 = proto.splat(0.4) * t4_8;
+        let t4_10 = t3_3 * t3_41;
+        let t4_11 = sin_q1_q2_minus_q3 * t3_2;
+        let t4_12 = sin_q2 * x_q2_q1;
+        let t4_13 = sin_q2 * x_q2_q3;
+        let t4_14 = cos_q2 * x_q2_q1;
+        let t4_15 = cos_q2 * x_q2_q3;
+        let t4_16 = cos_q1_q2_minus_q3 * t3_2;
+        let t4_17 = proto.splat(0.3) * t4_16;
+        let t4_18 = proto.splat(0.4).mul_add(t4_3, t4_17);
+        let t4_19 = sin_q1_q2_minus_q3_minus_q4 * t3_40;
+        let t4_20 = w_4z.mul_add(t4_3, t4_19);
+        let t4_21 = w_4z * t4_20;
+        let t4_22 = t3_17.mul_add(t3_40, t4_21);
+        let t4_23 = (-dd_q4).mul_add(t4_2, t4_22);
+        let t4_24 = proto.splat(0.3) * t4_11;
+        let t4_25 = proto.splat(0.4).mul_add(t4_2, t4_24);
+        let t4_26 = d_q3 * d_q3;
+        let t4_27 = t4_11 * t4_26;
+        let t4_28 = t2_11.mul_add(t4_12, t4_27);
+        let t4_29 = dd_q1.mul_add(t4_14, t4_28);
+        let t4_30 = proto.splat(-0.3).mul_add(t4_29, t4_9);
+        let t4_31 = (-t3_38).mul_add(t3_16, t4_30);
+        let t4_32 = (-dd_q3).mul_add(t4_18, t4_31);
+        let t4_33 = t2_11 * t4_14;
+        let t4_34 = t4_16.mul_add(t4_26, t4_33);
+        let t4_35 = (-dd_q1).mul_add(t4_12, t4_34);
+        let t4_36 = proto.splat(0.3) * t4_35;
+        let t4_37 = proto.splat(0.4).mul_add(t4_23, t4_36);
+        let t4_38 = (-dd_q3).mul_add(t4_25, t4_37);
+        let t4_39 = proto.splat(1.0) + x_q2_q3;
+        let t4_40 = sin_q1_q2_minus_q3 * t4_39;
+        let t4_41 = cos_q1_q2_minus_q3 * t4_39;
+        let t4_42 = x_q4_q3 - t4_39;
+        let t4_43 = sin_q1_q2_minus_q3_minus_q4 * t4_42;
+        let t4_44 = cos_q1_q2_minus_q3_minus_q4 * t4_42;
+        let t4_45 = sin_q1_q2_minus_q3_minus_q4 * t3_41;
+        let t4_46 = w_4z.mul_add(t4_44, t4_45);
+        let t4_47 = w_4z * t4_46;
+        let t4_48 = t3_17.mul_add(t3_41, t4_47);
+        let t4_49 = (-dd_q4).mul_add(t4_43, t4_48);
+        let t4_50 = w_4z * t4_43;
+        let t4_51 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_41, t4_50);
+        let t4_52 = (-w_4z).mul_add(t4_51, t4_10);
+        let t4_53 = (-dd_q4).mul_add(t4_44, t4_52);
+        let t4_54 = proto.splat(0.4) * t4_44;
+        let t4_55 = proto.splat(-0.3).mul_add(t4_41, t4_54);
+        let t4_56 = proto.splat(0.4) * t4_43;
+        let t4_57 = proto.splat(-0.3).mul_add(t4_40, t4_56);
+        let t4_58 = t4_40 * t4_26;
+        let t4_59 = (-t2_11).mul_add(t4_13, t4_58);
+        let t4_60 = t2_11 * t4_15;
+        let t4_61 = (-t4_41).mul_add(t4_26, t4_60);
+        let t4_62 = (-dd_q1).mul_add(t4_15, t4_59);
+        let t4_63 = (-dd_q1).mul_add(t4_13, t4_61);
+        let t4_64 = proto.splat(0.3) * t4_62;
+        let t4_65 = proto.splat(0.4).mul_add(t4_53, t4_64);
+        let t4_66 = (-t3_39).mul_add(t3_16, t4_65);
+        let t4_67 = (-dd_q3).mul_add(t4_55, t4_66);
+        let t4_68 = proto.splat(0.3) * t4_63;
+        let t4_69 = proto.splat(0.4).mul_add(t4_49, t4_68);
+        let t4_70 = (-dd_q3).mul_add(t4_57, t4_69);
+        let t4_71 = proto.splat(9.81) * sin_q3;
+        let t4_72 = proto.splat(-0.3).mul_add(t4_26, t4_71);
+        let t4_73 = -t4_38;
+        let t4_74 = -t4_70;
+        let t4_75 = t2_48 * t4_32;
+        let t4_76 = cos_q1_q2_minus_q3_minus_q4.mul_add(t4_75, t4_38);
+        let t4_77 = proto.splat(2.5) * t4_76;
+        let t4_78 = proto.splat(2.5) * t4_75;
+        let t4_79 = t2_48 * t4_67;
+        let t4_80 = cos_q1_q2_minus_q3_minus_q4.mul_add(t4_79, t4_70);
+        let t4_81 = proto.splat(2.5) * t4_80;
+        let t4_82 = proto.splat(2.5) * t4_79;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t4_83, t4_84], [t4_85, t4_86]], found) = ::regen_runtime::solve_guarded(
+            [[t4_77, t4_81], [t4_78, t4_82]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_40],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t4_32, t4_67], [t4_73, t4_74], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t4_72, t4_83, t4_84, t4_85, t4_86]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t5_4, t5_6, t5_12, t5_14, al_4z, t5_22, t5_23] = {
+        let t5_1 = proto.splat(2.5) * t2_48;
+        let t5_2 = t2_19 * x_q2_q1;
+        let t5_3 = (-p_izz_2).mul_add(t4_83, t5_2);
+        let t5_4 = proto.splat(9.81).mul_add(t2_34, t5_3);
+        let t5_5 = t2_19 * x_q2_q3;
+        let t5_6 = (-p_izz_2).mul_add(t4_84, t5_5);
+        let t5_7 = proto.splat(0.3) * dd_q3;
+        let t5_8 = proto.splat(9.81).mul_add(cos_q3, t5_7);
+        let t5_9 = sin_q4 * t5_8;
+        let a_4x = cos_q4.mul_add(t4_72, t5_9);
+        let t5_10 = sin_q4 * t4_72;
+        let a_4y = (-cos_q4).mul_add(t5_8, t5_10);
+        let t5_11 = a_4x * p_mx_4;
+        let t5_12 = (-a_4y).mul_add(p_my_4, t5_11);
+        let t5_13 = p_izz_4 * t4_85;
+        let t5_14 = t5_12.mul_add(x_q4_q1, t5_13);
+        let al_4z = dd_q3 + dd_q4;
+        let t5_15 = al_4z * p_izz_4;
+        let t5_16 = (-a_4x).mul_add(p_my_4, t5_15);
+        let t5_17 = (-a_4y).mul_add(p_mx_4, t5_16);
+        let t5_18 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_22, t5_17);
+        let t5_19 = t5_1 * t5_18;
+        let t5_20 = proto.splat(2.5) * t2_22;
+        let t5_21 = -t5_20;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t5_22], [t5_23]], found) = ::regen_runtime::solve_guarded(
+            [[t5_21], [t5_19]],
+            margin,
+            || (
+                [[proto.splat(-0.4), proto.splat(0.0)], [t2_40, pivot_2]],
+                [[t2_22], [t5_17]],
+            ),
+        );
+        condition = condition.min(found);
+        [t5_4, t5_6, t5_12, t5_14, al_4z, t5_22, t5_23]
+    };
+    // by q_i
+    let [t6_16, t6_40, t6_44, t6_45, t6_47] = {
+        let t6_1 = t5_22 * t3_21;
+        let t6_2 = t6_1 * t3_23;
+        let t6_3 = cos_q1_q2_minus_q3_minus_q4 * x_q4_q1;
+        let t6_4 = t3_10 * cos_q1_q2_minus_q3_minus_q4;
+        let t6_5 = x_q2_q3 * x_q2_q3;
+        let t6_6 = (-t6_4).mul_add(t3_10, t6_5);
+        let t6_7 = proto.splat(0.4).mul_add(t6_6, -t2_46);
+        let t6_8 = t6_3 * t3_10;
+        let t6_9 = x_q4_q1 * t6_3;
+        let t6_10 = (-t3_2).mul_add(t3_2, t6_9);
+        let t6_11 = proto.splat(-0.4).mul_add(t6_10, u_2_q1y);
+        let t6_12 = (-x_q2_q3).mul_add(t3_2, t6_8);
+        let t6_13 = proto.splat(0.4) * t6_12;
+        let t6_14 = -t6_13;
+        let t6_15 = t5_23.mul_add(t6_14, t6_2);
+        let t6_16 = proto.splat(0.6) * t3_1;
+        let t6_17 = t5_4 - t2_30;
+        let t6_18 = x_q4_q1 * t5_14;
+        let t6_19 = (-x_q2_q1).mul_add(t6_17, t6_18);
+        let t6_20 = (-t2_35).mul_add(t4_83, t6_19);
+        let t6_21 = t3_38.mul_add(t6_16, t6_20);
+        let t6_22 = proto.splat(9.81).mul_add(t2_10, t6_21);
+        let t6_23 = (-t5_22).mul_add(t3_22, t6_22);
+        let t6_24 = t5_23.mul_add(t6_11, t6_23);
+        let t6_25 = -t6_24;
+        slopes[0][0] = t6_25;
+        let t6_26 = (-x_q4_q3).mul_add(t5_14, t6_15);
+        let t6_27 = x_q2_q3.mul_add(t5_4, t6_26);
+        let t6_28 = t3_39.mul_add(t6_16, -t6_15);
+        let t6_29 = w_4z * w_4z;
+        let t6_30 = al_4z * p_mx_4;
+        let t6_31 = (-t6_29).mul_add(p_my_4, t6_30);
+        let t6_32 = al_4z * p_my_4;
+        let t6_33 = t6_29.mul_add(p_mx_4, t6_32);
+        let t6_34 = cos_q4 * t6_33;
+        let t6_35 = sin_q4.mul_add(t6_31, t6_34);
+        let t6_36 = proto.splat(0.3).mul_add(t6_35, t5_12);
+        let t6_37 = w_4z * p_mx_4;
+        let t6_38 = w_4z * p_my_4;
+        let t6_39 = cos_q4 * t6_38;
+        let t6_40 = sin_q4.mul_add(t6_37, t6_39);
+        let t6_41 = cos_q4 * p_mx_4;
+        let t6_42 = (-sin_q4).mul_add(p_my_4, t6_41);
+        let t6_43 = cos_q4 * p_my_4;
+        let t6_44 = sin_q4.mul_add(p_mx_4, t6_43);
+        let t6_45 = proto.splat(0.3).mul_add(t6_42, p_izz_4);
+        let t6_46 = t6_45.mul_add(t4_85, t6_27);
+        let t6_47 = proto.splat(0.6) * t6_40;
+        let t6_48 = (-t3_40).mul_add(t6_47, t6_46);
+        let t6_49 = t6_36.mul_add(x_q4_q1, t6_48);
+        slopes[0][1] = t6_49;
+        let t6_50 = sin_q3 * t6_42;
+        let t6_51 = cos_q3.mul_add(t6_44, t6_50);
+        let t6_52 = proto.splat(9.81) * t6_51;
+        let t6_53 = (-p_izz_4).mul_add(t4_86, t6_52);
+        let t6_54 = (-t5_12).mul_add(x_q4_q3, t6_53);
+        let t6_55 = (-x_q4_q1).mul_add(t6_54, t6_28);
+        let t6_56 = t6_54 + t6_36;
+        let t6_57 = (-x_q2_q1).mul_add(t5_6, t6_55);
+        let t6_58 = (-t2_35).mul_add(t4_84, t6_57);
+        let t6_59 = t2_30.mul_add(x_q2_q3, t6_58);
+        let t6_60 = -t6_59;
+        slopes[1][0] = t6_60;
+        let t6_61 = p_my_3 + t6_44;
+        let t6_62 = cos_q3 * t6_61;
+        let t6_63 = t3_41 * t6_47;
+        let t6_64 = (-x_q4_q3).mul_add(t6_56, t6_63);
+        let t6_65 = (-x_q2_q3).mul_add(t5_6, t6_64);
+        let t6_66 = (-t6_45).mul_add(t4_86, t6_65);
+        let t6_67 = proto.splat(0.3) * p_m_4;
+        let t6_68 = p_mx_3 + t6_67;
+        let t6_69 = t6_68 + t6_42;
+        let t6_70 = sin_q3.mul_add(t6_69, t6_62);
+        let t6_71 = proto.splat(9.81).mul_add(t6_70, t6_66);
+        let t6_72 = t5_22.mul_add(t3_25, t6_71);
+        let t6_73 = t5_23.mul_add(t6_7, t6_72);
+        let t6_74 = -t6_73;
+        slopes[1][1] = t6_74;
+        [t6_16, t6_40, t6_44, t6_45, t6_47]
+    };
+    // by qd_i
+    {
+        let t7_1 = t3_11 * t6_44;
+        let t7_2 = d_q1 * t2_7;
+        let t7_3 = proto.splat(0.3) * t7_2;
+        let t7_4 = proto.splat(-0.3).mul_add(t3_1, t7_3);
+        let t7_5 = proto.splat(-0.3).mul_add(t6_40, t7_1);
+        let t7_6 = proto.splat(2.0) * p_izz_2;
+        let t7_7 = t7_6.mul_add(t3_38, t7_3);
+        let t7_8 = t7_7 + t7_3;
+        let t7_9 = p_izz_4 * t3_40;
+        let t7_10 = x_q4_q1 * t7_9;
+        let t7_11 = (-t2_35).mul_add(t3_38, t7_10);
+        let t7_12 = x_q4_q3 * t7_9;
+        let t7_13 = (-t6_45).mul_add(t3_40, t7_12);
+        let t7_14 = proto.splat(-2.0).mul_add(t7_11, t7_4);
+        let t7_15 = t7_8 - t6_16;
+        let t7_16 = (-x_q2_q1).mul_add(t7_15, t7_14);
+        let t7_17 = t7_16 + t7_4;
+        slopes[2][0] = t7_17;
+        let t7_18 = x_q2_q3 * t6_16;
+        let t7_19 = x_q4_q1 * t6_47;
+        let t7_20 = proto.splat(-2.0).mul_add(t7_13, t7_19);
+        let t7_21 = (-x_q2_q3).mul_add(t7_8, t7_20);
+        slopes[2][1] = t7_21;
+        let t7_22 = p_izz_2 * t3_39;
+        let t7_23 = x_q2_q1 * t7_22;
+        let t7_24 = (-t2_35).mul_add(t3_39, t7_23);
+        let t7_25 = x_q2_q3 * t7_22;
+        let t7_26 = (-t6_45).mul_add(t3_41, t7_25);
+        let t7_27 = proto.splat(2.0) * p_izz_4;
+        let t7_28 = t7_27.mul_add(t3_41, t7_1);
+        let t7_29 = t7_28 + t7_1;
+        let t7_30 = (-x_q4_q1).mul_add(t7_29, t7_18);
+        let t7_31 = proto.splat(-2.0).mul_add(t7_24, t7_30);
+        slopes[3][0] = t7_31;
+        let t7_32 = t7_29 - t6_47;
+        let t7_33 = (-x_q4_q3).mul_add(t7_32, t7_5);
+        let t7_34 = proto.splat(-2.0).mul_add(t7_26, t7_33);
+        let t7_35 = t7_34 + t7_5;
+        slopes[3][1] = t7_35;
+    }
+    Condition { pivot: condition }
+}
+
+/// The derivatives of the forward dynamics by the independent coordinates, velocities and efforts, along the closure.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `tau_i`: efforts of the independent coordinates, N m or N, in the order of `INDEPENDENT`
+/// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
+/// - `slopes`: column by column: the derivatives of qdd_i by q_i, by qd_i and by tau_i, each in the order of `INDEPENDENT`
+///
+/// 231 additions, 370 multiplications, 4 divisions, 4 sines and cosines.
+pub fn forward_dynamics_derivatives<T: Scalar>(q: &[T; 4], qd: &[T; 4], tau_i: &[T; 2], phi: &[T; 40], slopes: &mut [[T; 2]; 6]) -> Condition<T> {
+    forward_dynamics_derivatives_entries(q, qd, tau_i, phi, slopes)
+}
+
+/// The entries of [`forward_dynamics_derivatives`] that are not zero at every state; the others are left as they are.
+///
+/// Inlined where it is called, so that lanes keep the caller's instruction set.
+#[inline(always)]
+pub fn forward_dynamics_derivatives_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], tau_i: &[T; 2], phi: &[T; 40], slopes: &mut [[T; 2]; 6]) -> Condition<T> {
+    let proto = q[0];
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q1, cos_q1, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q1, cos_q1), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q1, q3, q4]);
+        [sin_q2, cos_q2, sin_q1, cos_q1, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [
+        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2,
+        _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _, _, _, _, _, _, p_izz_4, p_mx_4,
+        p_my_4, _, p_m_4,
+    ] = *phi;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t2_4, t2_5, t2_7, sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, pivot_2,
+        t2_14, u_2_q1x, t2_15, t2_16, t2_17, t2_18, u_2_q1y, t2_19, t2_20, t2_21, t2_22, t2_23,
+        t2_24, t2_28, t2_30, t2_34, t2_35, t2_39, t2_40, t2_41, t2_42, t2_45, t2_46, t2_49,
+        t2_54, t2_55, t2_56, t2_57, t2_58, t2_59, w_2z, t2_60, w_4z, t2_61, t2_62, t2_63,
+        t2_64, t2_67, t2_69, t2_70, t2_71, t2_73, t2_80, t2_81,
+    ] = {
+        let t2_1 = cos_q2 * p_mx_2;
+        let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let t2_3 = proto.splat(0.3) * p_m_2;
+        let t2_4 = t2_3 + t2_2;
+        let t2_5 = proto.splat(0.3) * t2_2;
+        let t2_6 = sin_q1 * t2_2;
+        let t2_7 = p_izz_2 + t2_5;
+        let t2_8 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_8);
+        let t2_9 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_9);
+        let t2_10 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_10);
+        let t2_11 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_11);
+        let t2_12 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_12);
+        let t2_13 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_13);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_14 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t2_15 = -u_2_q1x;
+        let t2_16 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_17 = sin_q1_q2_minus_q3 * d_q3;
+        let t2_18 = t2_16 + pivot_2;
+        let u_2_q1y = proto.splat(0.3) * cos_q2;
+        let t2_19 = proto.splat(0.4) + u_2_q1y;
+        let t2_20 = -t2_19;
+        let t2_21 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_22 = cos_q1_q2_minus_q3 * d_q3;
+        let t2_23 = t2_21 + t2_14;
+        let t2_24 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_25 = sin_q2 * t2_24;
+        let t2_26 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_27 = (-t2_26).mul_add(t2_25, t2_19);
+        let t2_28 = proto.splat(2.5) * t2_27;
+        let t2_29 = proto.splat(0.75) * t2_25;
+        let t2_30 = -t2_29;
+        let t2_31 = t2_18 * t2_24;
+        let t2_32 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_31, t2_23);
+        let t2_33 = proto.splat(2.5) * t2_32;
+        let t2_34 = -t2_33;
+        let t2_35 = proto.splat(2.5) * t2_31;
+        let t2_36 = cos_q4 * p_mx_4;
+        let t2_37 = (-sin_q4).mul_add(p_my_4, t2_36);
+        let t2_38 = proto.splat(0.3) * p_m_4;
+        let t2_39 = t2_38 + t2_37;
+        let t2_40 = proto.splat(0.3) * t2_37;
+        let t2_41 = sin_q3 * t2_37;
+        let t2_42 = p_izz_4 + t2_40;
+        let t2_43 = p_mx_1 + t2_4;
+        let t2_44 = cos_q2 * p_my_2;
+        let t2_45 = sin_q2.mul_add(p_mx_2, t2_44);
+        let t2_46 = cos_q1.mul_add(t2_45, t2_6);
+        let t2_47 = p_my_1 + t2_45;
+        let t2_48 = cos_q1 * t2_47;
+        let t2_49 = sin_q1.mul_add(t2_43, t2_48);
+        let t2_50 = d_q1 * d_q1;
+        let t2_51 = proto.splat(0.3) * t2_50;
+        let t2_52 = proto.splat(-9.81).mul_add(sin_q1, t2_51);
+        let t2_53 = sin_q1 * p_my_1;
+        let t2_54 = (-cos_q1).mul_add(p_mx_1, t2_53);
+        let t2_55 = proto.splat(9.81) * cos_q1;
+        let t2_56 = cos_q2 * t2_52;
+        let t2_57 = sin_q2 * t2_52;
+        let t2_58 = cos_q2.mul_add(t2_55, t2_57);
+        let t2_59 = (-sin_q2).mul_add(t2_55, t2_56);
+        let w_2z = d_q1 + d_q2;
+        let t2_60 = w_2z * w_2z;
+        let w_4z = d_q3 + d_q4;
+        let t2_61 = cos_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t2_62 = cos_q2 * t2_50;
+        let t2_63 = sin_q2 * t2_50;
+        let t2_64 = (-d_q3).mul_add(t2_22, t2_62);
+        let t2_65 = (-w_4z).mul_add(t2_61, t2_60);
+        let t2_66 = proto.splat(0.4) * t2_65;
+        let t2_67 = proto.splat(0.3).mul_add(t2_64, t2_66);
+        let t2_68 = -t2_67;
+        let t2_69 = sin_q1_q2_minus_q3_minus_q4 * w_4z;
+        let t2_70 = proto.splat(0.4) * t2_69;
+        let t2_71 = (-d_q3).mul_add(t2_17, t2_63);
+        let t2_72 = proto.splat(0.3) * t2_71;
+        let t2_73 = (-w_4z).mul_add(t2_70, t2_72);
+        let t2_74 = t2_24 * t2_67;
+        let t2_75 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_74, t2_73);
+        let t2_76 = proto.splat(2.5) * t2_75;
+        let t2_77 = -t2_76;
+        let t2_78 = proto.splat(2.5) * t2_74;
+        let t2_79 = -t2_78;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t2_80], [t2_81]], found) = ::regen_runtime::solve_guarded(
+            [[t2_77], [t2_79]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_14],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [[t2_68], [t2_73], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t2_4, t2_5, t2_7, sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4,
+            pivot_2, t2_14, u_2_q1x, t2_15, t2_16, t2_17, t2_18, u_2_q1y, t2_19, t2_20, t2_21,
+            t2_22, t2_23, t2_24, t2_28, t2_30, t2_34, t2_35, t2_39, t2_40, t2_41, t2_42, t2_45,
+            t2_46, t2_49, t2_54, t2_55, t2_56, t2_57, t2_58, t2_59, w_2z, t2_60, w_4z, t2_61,
+            t2_62, t2_63, t2_64, t2_67, t2_69, t2_70, t2_71, t2_73, t2_80, t2_81,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [
+        t3_3, t3_4, t3_7, t3_11, t3_15, t3_16, t3_17, t3_22, t3_24, t3_27, t3_31, t3_33, t3_37,
+        t3_38, t3_39, t3_40, t3_41, t3_45, t3_49, t3_50, t3_52, t3_55, t3_56, t3_57, x_q2_q1,
+        x_q2_q3, x_q4_q1, x_q4_q3,
+    ] = {
+        let t3_1 = p_izz_2 * t2_80;
+        let t3_2 = p_my_2.mul_add(t2_59, t3_1);
+        let t3_3 = p_mx_2.mul_add(t2_58, t3_2);
+        let t3_4 = t2_60 * p_mx_2;
+        let t3_5 = p_m_2.mul_add(t2_59, t3_4);
+        let t3_6 = p_my_2.mul_add(t2_80, t3_5);
+        let t3_7 = t2_60 * p_my_2;
+        let t3_8 = p_m_2.mul_add(t2_58, -t3_7);
+        let t3_9 = p_mx_2.mul_add(t2_80, t3_8);
+        let t3_10 = sin_q2 * t3_6;
+        let t3_11 = (-cos_q2).mul_add(t3_9, t3_10);
+        let t3_12 = d_q3 * d_q3;
+        let t3_13 = proto.splat(9.81) * sin_q3;
+        let t3_14 = proto.splat(-0.3).mul_add(t3_12, t3_13);
+        let t3_15 = sin_q4 * t3_14;
+        let t3_16 = cos_q4 * t3_14;
+        let t3_17 = proto.splat(9.81) * cos_q3;
+        let t3_18 = (-cos_q4).mul_add(t3_17, t3_15);
+        let t3_19 = sin_q4.mul_add(t3_17, t3_16);
+        let t3_20 = p_my_4 * t3_19;
+        let t3_21 = (-p_izz_4).mul_add(t2_81, t3_20);
+        let t3_22 = p_mx_4.mul_add(t3_18, t3_21);
+        let t3_23 = w_4z * w_4z;
+        let t3_24 = t3_23 * p_mx_4;
+        let t3_25 = p_m_4.mul_add(t3_19, -t3_24);
+        let t3_26 = (-p_my_4).mul_add(t2_81, t3_25);
+        let t3_27 = t3_23 * p_my_4;
+        let t3_28 = p_m_4.mul_add(t3_18, t3_27);
+        let t3_29 = (-p_mx_4).mul_add(t2_81, t3_28);
+        let t3_30 = sin_q4 * t3_26;
+        let t3_31 = (-cos_q4).mul_add(t3_29, t3_30);
+        let t3_32 = sin_q3 * p_my_3;
+        let t3_33 = (-cos_q3).mul_add(p_mx_3, t3_32);
+        let t3_34 = t2_45 * w_2z;
+        let t3_35 = -t3_34;
+        let t3_36 = d_q1 * t2_45;
+        let t3_37 = proto.splat(0.3) * t3_36;
+        let t3_38 = proto.splat(0.8) * w_2z;
+        let t3_39 = proto.splat(2.5) * t2_24;
+        let t3_40 = proto.splat(-0.6) * t3_35;
+        let t3_41 = proto.splat(0.3).mul_add(t3_35, t3_37);
+        let t3_42 = cos_q4 * p_my_4;
+        let t3_43 = sin_q4.mul_add(p_mx_4, t3_42);
+        let t3_44 = cos_q3.mul_add(t3_43, t2_41);
+        let t3_45 = proto.splat(9.81) * t3_44;
+        let t3_46 = p_my_3 + t3_43;
+        let t3_47 = cos_q3 * t3_46;
+        let t3_48 = p_mx_3 + t2_39;
+        let t3_49 = sin_q3.mul_add(t3_48, t3_47);
+        let t3_50 = proto.splat(2.0) * p_izz_2;
+        let t3_51 = d_q3 * t3_43;
+        let t3_52 = proto.splat(0.3) * t3_51;
+        let t3_53 = w_4z * t3_43;
+        let t3_54 = -t3_53;
+        let t3_55 = proto.splat(2.0) * p_izz_4;
+        let t3_56 = proto.splat(-0.6) * t3_54;
+        let t3_57 = proto.splat(0.3).mul_add(t3_54, t3_52);
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
+            [[t2_28, t2_34], [t2_30, t2_35]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_14],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t2_15, t2_18], [t2_20, t2_23], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [
+            t3_3, t3_4, t3_7, t3_11, t3_15, t3_16, t3_17, t3_22, t3_24, t3_27, t3_31, t3_33,
+            t3_37, t3_38, t3_39, t3_40, t3_41, t3_45, t3_49, t3_50, t3_52, t3_55, t3_56, t3_57,
+            x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [x_q2_q1_2, x_q2_q3_2, x_q4_q1_2, x_q4_q3_2] = {
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1_2, x_q2_q3_2], [x_q4_q1_2, x_q4_q3_2]], found) = ::regen_runtime::solve_guarded(
+            [[t2_28, t2_34], [t2_30, t2_35]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_14],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t2_15, t2_18], [t2_20, t2_23], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [x_q2_q1_2, x_q2_q3_2, x_q4_q1_2, x_q4_q3_2]
+    };
+    let [tau_q1, tau_q3] = *tau_i;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t5_28, t5_29, t5_30, t5_31, t5_36, t5_37, t5_39, t5_40, t5_41, t5_46, t5_47] = {
+        let t5_1 = (-p_izz_2).mul_add(x_q2_q1, t2_7);
+        let t5_2 = t5_1 + t2_7;
+        let t5_3 = x_q4_q1 * p_izz_4;
+        let t5_4 = t5_3.mul_add(x_q4_q1, p_izz_1);
+        let t5_5 = (-x_q2_q1).mul_add(t5_2, t5_4);
+        let t5_6 = t5_5 + p_izz_2;
+        let t5_7 = proto.splat(0.3).mul_add(t2_4, t5_6);
+        let t5_8 = t5_7 + t2_5;
+        let t5_9 = (-t3_22).mul_add(x_q4_q1, tau_q1);
+        let t5_10 = t3_3.mul_add(x_q2_q1, t5_9);
+        let t5_11 = proto.splat(9.81).mul_add(t2_54, t5_10);
+        let t5_12 = proto.splat(0.3).mul_add(t3_11, t5_11);
+        let t5_13 = t5_12 - t3_3;
+        let t5_14 = (-t3_22).mul_add(x_q4_q3, tau_q3);
+        let t5_15 = t3_3.mul_add(x_q2_q3, t5_14);
+        let t5_16 = proto.splat(9.81).mul_add(t3_33, t5_15);
+        let t5_17 = proto.splat(-0.3).mul_add(t3_31, t5_16);
+        let t5_18 = t5_17 + t3_22;
+        let t5_19 = p_izz_2 * x_q2_q3;
+        let t5_20 = (-p_izz_4).mul_add(x_q4_q3, t2_42);
+        let t5_21 = x_q4_q1 * t5_20;
+        let t5_22 = x_q2_q3.mul_add(t5_1, t5_21);
+        let t5_23 = t5_20 + t2_42;
+        let t5_24 = (-x_q4_q3).mul_add(t5_23, p_izz_3);
+        let t5_25 = x_q2_q3.mul_add(t5_19, t5_24);
+        let t5_26 = t5_25 + p_izz_4;
+        let t5_27 = proto.splat(0.3).mul_add(t2_39, t5_26);
+        let t5_28 = t5_27 + t2_40;
+        let t5_29 = T::select(proto.splat(0.0).less(t5_28), proto.splat(1.0), proto.splat(0.0));
+        let t5_30 = proto.splat(1.0) / t5_28;
+        let t5_31 = t5_22 * t5_30;
+        let t5_32 = (-t5_22).mul_add(t5_31, t5_8);
+        let t5_33 = T::select(proto.splat(0.0).less(t5_32), proto.splat(1.0), proto.splat(0.0));
+        let t5_34 = t5_29 * t5_33;
+        let t5_35 = t5_32 / t5_8;
+        let t5_36 = t5_35 * t5_33;
+        let t5_37 = t5_8 * t5_34;
+        let t5_38 = t5_22 * t5_34;
+        let t5_39 = -t5_38;
+        let t5_40 = -t5_22;
+        let t5_41 = proto.splat(1.0) / t5_32;
+        let t5_42 = t5_18.mul_add(t5_31, t5_13);
+        let t5_43 = t5_42 * t5_41;
+        let t5_44 = t5_31 * t5_43;
+        let t5_45 = t5_18.mul_add(t5_30, t5_44);
+        // the smallest pivot relative to its usual size
+        let margin = (t5_29 * proto.splat(1.0)).abs()
+            .min((t5_36 * proto.splat(1.0)).abs());
+        let ([[t5_46], [t5_47]], found) = ::regen_runtime::solve_guarded(
+            [[t5_43], [t5_45]],
+            margin,
+            || (
+                [[t5_37, t5_39], [t5_40, t5_28]],
+                [[t5_13], [t5_18]],
+            ),
+        );
+        condition = condition.min(found);
+        [t5_28, t5_29, t5_30, t5_31, t5_36, t5_37, t5_39, t5_40, t5_41, t5_46, t5_47]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t6_5, t6_6, t6_9, t6_10, t6_12, t6_20, t6_21] = {
+        let t6_1 = (-t2_23).mul_add(t5_47, t2_73);
+        let t6_2 = t2_18.mul_add(t5_47, t2_67);
+        let t6_3 = t2_19.mul_add(t5_46, t6_1);
+        let t6_4 = proto.splat(0.3).mul_add(t5_46, t2_55);
+        let t6_5 = (-sin_q2).mul_add(t6_4, t2_56);
+        let t6_6 = cos_q2.mul_add(t6_4, t2_57);
+        let t6_7 = (-t5_46).mul_add(u_2_q1x, t6_2);
+        let t6_8 = proto.splat(0.3).mul_add(t5_47, t3_17);
+        let t6_9 = sin_q4.mul_add(t6_8, t3_16);
+        let t6_10 = (-cos_q4).mul_add(t6_8, t3_15);
+        let t6_11 = p_mx_2 * t6_5;
+        let t6_12 = (-p_my_2).mul_add(t6_6, t6_11);
+        let t6_13 = -t6_7;
+        let t6_14 = t2_24 * t6_7;
+        let t6_15 = cos_q1_q2_minus_q3_minus_q4.mul_add(t6_14, t6_3);
+        let t6_16 = proto.splat(2.5) * t6_15;
+        let t6_17 = -t6_16;
+        let t6_18 = proto.splat(2.5) * t6_14;
+        let t6_19 = -t6_18;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t6_20], [t6_21]], found) = ::regen_runtime::solve_guarded(
+            [[t6_17], [t6_19]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_14],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [[t6_13], [t6_3], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [t6_5, t6_6, t6_9, t6_10, t6_12, t6_20, t6_21]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t7_8, t7_9, t7_10, t7_18, t7_36, t7_37, t7_38, t7_39] = {
+        let t7_1 = t5_46 + t6_20;
+        let t7_2 = (-p_mx_2).mul_add(t7_1, t3_7);
+        let t7_3 = p_my_2.mul_add(t7_1, t3_4);
+        let t7_4 = sin_q2 * t7_2;
+        let t7_5 = (-cos_q2).mul_add(t7_3, t7_4);
+        let t7_6 = p_izz_2 * t7_1;
+        let t7_7 = p_my_2.mul_add(t6_5, t7_6);
+        let t7_8 = p_mx_2.mul_add(t6_6, t7_7);
+        let t7_9 = proto.splat(0.3).mul_add(t7_5, t6_12);
+        let t7_10 = proto.splat(1.0) - x_q2_q1_2;
+        let t7_11 = t2_61 * x_q4_q1_2;
+        let t7_12 = w_2z.mul_add(t7_10, t7_11);
+        let t7_13 = proto.splat(0.4) * t7_12;
+        let t7_14 = d_q1.mul_add(u_2_q1y, t7_13);
+        let t7_15 = w_2z * x_q2_q3_2;
+        let t7_16 = -t7_14;
+        let t7_17 = t2_24 * t7_14;
+        let t7_18 = proto.splat(1.0) - x_q4_q3_2;
+        let t7_19 = t2_61.mul_add(t7_18, t7_15);
+        let t7_20 = proto.splat(0.4) * t7_19;
+        let t7_21 = proto.splat(0.3).mul_add(t2_22, t7_20);
+        let t7_22 = t7_18 * t2_70;
+        let t7_23 = proto.splat(0.3).mul_add(t2_17, t7_22);
+        let t7_24 = x_q4_q1_2 * t2_70;
+        let t7_25 = d_q1.mul_add(u_2_q1x, t7_24);
+        let t7_26 = -t7_23;
+        let t7_27 = cos_q1_q2_minus_q3_minus_q4.mul_add(t7_17, t7_25);
+        let t7_28 = proto.splat(2.5) * t7_27;
+        let t7_29 = -t7_28;
+        let t7_30 = proto.splat(2.5) * t7_17;
+        let t7_31 = -t7_30;
+        let t7_32 = t2_24 * t7_21;
+        let t7_33 = cos_q1_q2_minus_q3_minus_q4.mul_add(t7_32, t7_23);
+        let t7_34 = proto.splat(2.5) * t7_33;
+        let t7_35 = proto.splat(2.5) * t7_32;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t7_36, t7_37], [t7_38, t7_39]], found) = ::regen_runtime::solve_guarded(
+            [[t7_29, t7_34], [t7_31, t7_35]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_14],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t7_16, t7_21], [t7_25, t7_26], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t7_8, t7_9, t7_10, t7_18, t7_36, t7_37, t7_38, t7_39]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t8_2, t8_4, t8_74, t8_75, t8_76, t8_78, t8_89, t8_90, t8_91, t8_92] = {
+        let t8_1 = t3_50.mul_add(t7_36, t3_37);
+        let t8_2 = t8_1 + t3_37;
+        let t8_3 = t3_55.mul_add(t7_39, t3_52);
+        let t8_4 = t8_3 + t3_52;
+        let t8_5 = x_q4_q1_2 + t7_10;
+        let t8_6 = sin_q1_q2_minus_q3_minus_q4 * t8_5;
+        let t8_7 = cos_q1_q2_minus_q3_minus_q4 * t8_5;
+        let t8_8 = w_4z * t8_6;
+        let t8_9 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t7_38, t8_8);
+        let t8_10 = t2_61 * t7_38;
+        let t8_11 = (-w_4z).mul_add(t8_9, t8_10);
+        let t8_12 = (-t6_21).mul_add(t8_7, t8_11);
+        let t8_13 = proto.splat(0.4) * t8_12;
+        let t8_14 = t2_61 * t7_39;
+        let t8_15 = sin_q2 * x_q2_q1_2;
+        let t8_16 = sin_q2 * x_q2_q3_2;
+        let t8_17 = (-t2_64).mul_add(t7_10, t2_62);
+        let t8_18 = (-t5_46).mul_add(t8_15, t8_17);
+        let t8_19 = proto.splat(0.3) * t8_18;
+        let t8_20 = proto.splat(1.0) + x_q2_q3_2;
+        let t8_21 = t2_64.mul_add(t8_20, -t2_62);
+        let t8_22 = (-t5_46).mul_add(t8_16, t8_21);
+        let t8_23 = proto.splat(0.3) * t8_22;
+        let t8_24 = cos_q2 * x_q2_q1_2;
+        let t8_25 = cos_q2 * x_q2_q3_2;
+        let t8_26 = (-t2_71).mul_add(t7_10, t2_63);
+        let t8_27 = t5_46.mul_add(t8_24, t8_26);
+        let t8_28 = (-t2_71).mul_add(t8_20, t2_63);
+        let t8_29 = (-t5_46).mul_add(t8_25, t8_28);
+        let t8_30 = proto.splat(-0.3).mul_add(t8_27, t8_13);
+        let t8_31 = (-t7_36).mul_add(t3_38, t8_30);
+        let t8_32 = proto.splat(0.3) * t8_29;
+        let t8_33 = t2_21 * t7_10;
+        let t8_34 = proto.splat(0.4).mul_add(t8_7, t8_33);
+        let t8_35 = (-t5_47).mul_add(t8_34, t8_31);
+        let t8_36 = sin_q1_q2_minus_q3_minus_q4 * t7_38;
+        let t8_37 = w_4z.mul_add(t8_7, t8_36);
+        let t8_38 = w_4z * t8_37;
+        let t8_39 = t2_69.mul_add(t7_38, t8_38);
+        let t8_40 = (-t6_21).mul_add(t8_6, t8_39);
+        let t8_41 = proto.splat(0.4).mul_add(t8_40, t8_19);
+        let t8_42 = t2_16 * t7_10;
+        let t8_43 = proto.splat(0.4).mul_add(t8_6, t8_42);
+        let t8_44 = (-t5_47).mul_add(t8_43, t8_41);
+        let t8_45 = x_q4_q3_2 - t8_20;
+        let t8_46 = sin_q1_q2_minus_q3_minus_q4 * t8_45;
+        let t8_47 = cos_q1_q2_minus_q3_minus_q4 * t8_45;
+        let t8_48 = w_4z * t8_46;
+        let t8_49 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t7_39, t8_48);
+        let t8_50 = (-w_4z).mul_add(t8_49, t8_14);
+        let t8_51 = (-t6_21).mul_add(t8_47, t8_50);
+        let t8_52 = proto.splat(0.4).mul_add(t8_51, t8_32);
+        let t8_53 = (-t7_37).mul_add(t3_38, t8_52);
+        let t8_54 = proto.splat(0.4) * t8_47;
+        let t8_55 = (-t2_21).mul_add(t8_20, t8_54);
+        let t8_56 = (-t5_47).mul_add(t8_55, t8_53);
+        let t8_57 = sin_q1_q2_minus_q3_minus_q4 * t7_39;
+        let t8_58 = w_4z.mul_add(t8_47, t8_57);
+        let t8_59 = w_4z * t8_58;
+        let t8_60 = t2_69.mul_add(t7_39, t8_59);
+        let t8_61 = (-t6_21).mul_add(t8_46, t8_60);
+        let t8_62 = proto.splat(0.4).mul_add(t8_61, t8_23);
+        let t8_63 = proto.splat(0.4) * t8_46;
+        let t8_64 = (-t2_16).mul_add(t8_20, t8_63);
+        let t8_65 = (-t5_47).mul_add(t8_64, t8_62);
+        let t8_66 = t5_47 + t6_21;
+        let t8_67 = (-p_mx_4).mul_add(t8_66, t3_27);
+        let t8_68 = sin_q4 * t8_67;
+        let t8_69 = p_my_4.mul_add(t8_66, t3_24);
+        let t8_70 = (-cos_q4).mul_add(t8_69, t8_68);
+        let t8_71 = p_izz_4 * t8_66;
+        let t8_72 = (-p_my_4).mul_add(t6_9, t8_71);
+        let t8_73 = p_mx_4 * t6_9;
+        let t8_74 = (-p_my_4).mul_add(t6_10, t8_73);
+        let t8_75 = (-p_mx_4).mul_add(t6_10, t8_72);
+        let t8_76 = proto.splat(-0.3).mul_add(t8_70, t8_74);
+        let t8_77 = cos_q1_q2_minus_q3_minus_q4.mul_add(t7_8, t8_75);
+        let t8_78 = t3_39 * t8_77;
+        let t8_79 = -t8_44;
+        let t8_80 = -t8_65;
+        let t8_81 = t2_24 * t8_35;
+        let t8_82 = cos_q1_q2_minus_q3_minus_q4.mul_add(t8_81, t8_44);
+        let t8_83 = proto.splat(2.5) * t8_82;
+        let t8_84 = t2_24 * t8_56;
+        let t8_85 = cos_q1_q2_minus_q3_minus_q4.mul_add(t8_84, t8_65);
+        let t8_86 = proto.splat(2.5) * t8_85;
+        let t8_87 = proto.splat(2.5) * t8_81;
+        let t8_88 = proto.splat(2.5) * t8_84;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t8_89, t8_90], [t8_91, t8_92]], found) = ::regen_runtime::solve_guarded(
+            [[t8_83, t8_86], [t8_87, t8_88]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_14],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t8_35, t8_56], [t8_79, t8_80], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [t8_2, t8_4, t8_74, t8_75, t8_76, t8_78, t8_89, t8_90, t8_91, t8_92]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t9_2, t9_4, t9_7, t9_9, t9_12, t9_13] = {
+        let t9_1 = (-p_izz_4).mul_add(t8_92, t3_45);
+        let t9_2 = (-t8_74).mul_add(x_q4_q3_2, t9_1);
+        let t9_3 = p_izz_4 * t8_91;
+        let t9_4 = t8_74.mul_add(x_q4_q1_2, t9_3);
+        let t9_5 = t6_12 * x_q2_q1_2;
+        let t9_6 = (-p_izz_2).mul_add(t8_89, t9_5);
+        let t9_7 = proto.splat(9.81).mul_add(t2_46, t9_6);
+        let t9_8 = t6_12 * x_q2_q3_2;
+        let t9_9 = (-p_izz_2).mul_add(t8_90, t9_8);
+        let t9_10 = proto.splat(2.5) * t7_8;
+        let t9_11 = -t9_10;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t9_12], [t9_13]], found) = ::regen_runtime::solve_guarded(
+            [[t9_11], [t8_78]],
+            margin,
+            || (
+                [[proto.splat(-0.4), proto.splat(0.0)], [t2_14, pivot_2]],
+                [[t7_8], [t8_75]],
+            ),
+        );
+        condition = condition.min(found);
+        [t9_2, t9_4, t9_7, t9_9, t9_12, t9_13]
+    };
+    // by q_i
+    let [t10_102, t10_103, t10_104, t10_105, t10_108, t10_109, t10_110, t10_111] = {
+        let t10_1 = cos_q1_q2_minus_q3_minus_q4 * x_q4_q1_2;
+        let t10_2 = t7_18 * cos_q1_q2_minus_q3_minus_q4;
+        let t10_3 = x_q2_q3_2 * x_q2_q3_2;
+        let t10_4 = (-t10_2).mul_add(t7_18, t10_3);
+        let t10_5 = proto.splat(0.4).mul_add(t10_4, -t2_21);
+        let t10_6 = x_q4_q1_2 * t10_1;
+        let t10_7 = (-t7_10).mul_add(t7_10, t10_6);
+        let t10_8 = proto.splat(-0.4).mul_add(t10_7, u_2_q1y);
+        let t10_9 = t10_1 * t7_18;
+        let t10_10 = (-x_q2_q3_2).mul_add(t7_10, t10_9);
+        let t10_11 = proto.splat(0.4) * t10_10;
+        let t10_12 = -t10_11;
+        let t10_13 = sin_q1_q2_minus_q3_minus_q4 * x_q4_q1_2;
+        let t10_14 = sin_q1_q2_minus_q3_minus_q4 * t7_18;
+        let t10_15 = proto.splat(0.4) * t7_18;
+        let t10_16 = t10_14.mul_add(t10_15, t2_16);
+        let t10_17 = proto.splat(0.4) * x_q4_q1_2;
+        let t10_18 = (-t10_17).mul_add(t10_13, u_2_q1x);
+        let t10_19 = t9_12 * t10_13;
+        let t10_20 = t10_19 * t10_15;
+        let t10_21 = t9_13.mul_add(t10_12, t10_20);
+        let t10_22 = t9_7 - t7_9;
+        let t10_23 = x_q4_q1_2 * t9_4;
+        let t10_24 = (-x_q2_q1_2).mul_add(t10_22, t10_23);
+        let t10_25 = (-t2_7).mul_add(t8_89, t10_24);
+        let t10_26 = t7_36.mul_add(t3_40, t10_25);
+        let t10_27 = proto.splat(9.81).mul_add(t2_49, t10_26);
+        let t10_28 = (-t9_12).mul_add(t10_18, t10_27);
+        let t10_29 = t9_13.mul_add(t10_8, t10_28);
+        let t10_30 = (-x_q4_q3_2).mul_add(t9_4, t10_21);
+        let t10_31 = x_q2_q3_2.mul_add(t9_7, t10_30);
+        let t10_32 = t2_42.mul_add(t8_91, t10_31);
+        let t10_33 = t7_37.mul_add(t3_40, -t10_21);
+        let t10_34 = (-x_q4_q1_2).mul_add(t9_2, t10_33);
+        let t10_35 = (-x_q2_q1_2).mul_add(t9_9, t10_34);
+        let t10_36 = (-t2_7).mul_add(t8_90, t10_35);
+        let t10_37 = t7_9.mul_add(x_q2_q3_2, t10_36);
+        let t10_38 = (-t7_38).mul_add(t3_56, t10_32);
+        let t10_39 = t8_76.mul_add(x_q4_q1_2, t10_38);
+        let t10_40 = t9_2 + t8_76;
+        let t10_41 = t7_39 * t3_56;
+        let t10_42 = (-x_q4_q3_2).mul_add(t10_40, t10_41);
+        let t10_43 = (-x_q2_q3_2).mul_add(t9_9, t10_42);
+        let t10_44 = (-t2_42).mul_add(t8_92, t10_43);
+        let t10_45 = proto.splat(9.81).mul_add(t3_49, t10_44);
+        let t10_46 = t9_12.mul_add(t10_16, t10_45);
+        let t10_47 = t9_13.mul_add(t10_5, t10_46);
+        let t10_48 = p_izz_4 * t7_38;
+        let t10_49 = x_q4_q1_2 * t10_48;
+        let t10_50 = (-t2_7).mul_add(t7_36, t10_49);
+        let t10_51 = x_q4_q3_2 * t10_48;
+        let t10_52 = (-t2_42).mul_add(t7_38, t10_51);
+        let t10_53 = proto.splat(-2.0).mul_add(t10_50, t3_41);
+        let t10_54 = t8_2 - t3_40;
+        let t10_55 = (-x_q2_q1_2).mul_add(t10_54, t10_53);
+        let t10_56 = t10_55 + t3_41;
+        let t10_57 = x_q2_q3_2 * t3_40;
+        let t10_58 = (-x_q4_q1_2).mul_add(t8_4, t10_57);
+        let t10_59 = x_q4_q1_2 * t3_56;
+        let t10_60 = proto.splat(-2.0).mul_add(t10_52, t10_59);
+        let t10_61 = t8_4 - t3_56;
+        let t10_62 = (-x_q2_q3_2).mul_add(t8_2, t10_60);
+        let t10_63 = (-x_q4_q3_2).mul_add(t10_61, t3_57);
+        let t10_64 = -t10_56;
+        let t10_65 = t5_31.mul_add(t10_62, t10_56);
+        let t10_66 = t5_41 * t10_65;
+        let t10_67 = p_izz_2 * t7_37;
+        let t10_68 = x_q2_q1_2 * t10_67;
+        let t10_69 = (-t2_7).mul_add(t7_37, t10_68);
+        let t10_70 = x_q2_q3_2 * t10_67;
+        let t10_71 = (-t2_42).mul_add(t7_39, t10_70);
+        let t10_72 = proto.splat(-2.0).mul_add(t10_71, t10_63);
+        let t10_73 = proto.splat(-2.0).mul_add(t10_69, t10_58);
+        let t10_74 = t10_72 + t3_57;
+        let t10_75 = -t10_73;
+        let t10_76 = t5_31.mul_add(t10_74, t10_73);
+        let t10_77 = t5_41 * t10_76;
+        let t10_78 = -t10_39;
+        let t10_79 = -t10_62;
+        let t10_80 = t5_31 * t10_66;
+        let t10_81 = t5_30.mul_add(t10_62, t10_80);
+        let t10_82 = -t10_66;
+        let t10_83 = -t10_81;
+        let t10_84 = -t10_74;
+        let t10_85 = t5_31 * t10_77;
+        let t10_86 = t5_30.mul_add(t10_74, t10_85);
+        let t10_87 = -t10_77;
+        let t10_88 = -t10_86;
+        let t10_89 = (-t5_31).mul_add(t10_39, t10_29);
+        let t10_90 = t5_41 * t10_89;
+        let t10_91 = t5_30 * t10_39;
+        let t10_92 = (-t5_31).mul_add(t10_90, t10_91);
+        let t10_93 = -t10_92;
+        let t10_94 = t5_31.mul_add(t10_47, t10_37);
+        let t10_95 = t5_41 * t10_94;
+        let t10_96 = t5_31 * t5_41;
+        let t10_97 = t5_31 * t10_95;
+        let t10_98 = t5_30.mul_add(t10_47, t10_97);
+        let t10_99 = t5_31.mul_add(t10_96, t5_30);
+        // the smallest pivot relative to its usual size
+        let margin = (t5_29 * proto.splat(1.0)).abs()
+            .min((t5_36 * proto.splat(1.0)).abs());
+        let ([
+            [t10_100, t10_101, t10_102, t10_103, t10_104, t10_105],
+            [t10_106, t10_107, t10_108, t10_109, t10_110, t10_111],
+        ], found) = ::regen_runtime::solve_guarded(
+            [
+                [t10_90, t10_95, t10_82, t10_87, t5_41, t10_96],
+                [t10_93, t10_98, t10_83, t10_88, t10_96, t10_99],
+            ],
+            margin,
+            || (
+                [[t5_37, t5_39], [t5_40, t5_28]],
+                [
+                    [t10_29, t10_37, t10_64, t10_75, proto.splat(1.0), proto.splat(0.0)],
+                    [t10_78, t10_47, t10_79, t10_84, proto.splat(0.0), proto.splat(1.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        slopes[0][0] = t10_100; slopes[0][1] = t10_106; slopes[1][0] = t10_101; slopes[1][1] = t10_107;
+        [t10_102, t10_103, t10_104, t10_105, t10_108, t10_109, t10_110, t10_111]
+    };
+    // by qd_i
+    {
+        slopes[2][0] = t10_102; slopes[2][1] = t10_108; slopes[3][0] = t10_103; slopes[3][1] = t10_109;
+    }
+    // by tau_i
+    {
+        slopes[4][0] = t10_104; slopes[4][1] = t10_110; slopes[5][0] = t10_105; slopes[5][1] = t10_111;
+    }
+    Condition { pivot: condition }
+}
+
 /// The robot as a `Model`, over slices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fivebar;
@@ -2674,6 +5065,80 @@ impl<T: Scalar> Model<T> for Fivebar {
                 let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
                 let _ = ::regen_runtime::array_mut::<T, 0>(out, "out")?;
                 Ok(Condition::regular(q[0]))
+            }
+        }
+    }
+}
+
+impl<T: Scalar> ControlModel<T> for Fivebar {
+
+    #[inline(always)]
+    fn eval_control(&self, function: ControlFunction, arguments: Arguments<'_, T>, out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        match function {
+            ControlFunction::Momentum => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = momentum(q, qd, phi);
+                *out = value;
+                Ok(condition)
+            }
+            ControlFunction::MomentumRate => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = momentum_rate(q, qd, phi);
+                *out = value;
+                Ok(condition)
+            }
+            ControlFunction::MomentumRegressor => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let out = ::regen_runtime::matrix_mut::<T, 40, 2>(out, "out")?;
+                Ok(momentum_regressor(q, qd, out))
+            }
+            ControlFunction::MomentumRateRegressor => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let out = ::regen_runtime::matrix_mut::<T, 40, 2>(out, "out")?;
+                Ok(momentum_rate_regressor(q, qd, out))
+            }
+            ControlFunction::CoriolisMatrix => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::matrix_mut::<T, 2, 2>(out, "out")?;
+                let (value, condition) = coriolis_matrix(q, qd, phi);
+                *out = value;
+                Ok(condition)
+            }
+            ControlFunction::ForwardDynamics => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let tau_i = ::regen_runtime::array::<T, 2>(arguments.tau_i, "tau_i")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = forward_dynamics(q, qd, tau_i, phi);
+                *out = value;
+                Ok(condition)
+            }
+            ControlFunction::InverseDynamicsDerivatives => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let qdd = ::regen_runtime::array::<T, 4>(arguments.qdd, "qdd")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::matrix_mut::<T, 4, 2>(out, "out")?;
+                Ok(inverse_dynamics_derivatives(q, qd, qdd, phi, out))
+            }
+            ControlFunction::ForwardDynamicsDerivatives => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let tau_i = ::regen_runtime::array::<T, 2>(arguments.tau_i, "tau_i")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::matrix_mut::<T, 6, 2>(out, "out")?;
+                Ok(forward_dynamics_derivatives(q, qd, tau_i, phi, out))
             }
         }
     }

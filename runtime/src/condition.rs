@@ -12,6 +12,9 @@ pub const NEAR_SINGULAR: f64 = 1e-4;
 
 /// The conditioning of A_e, the constraint Jacobian of the dependent coordinates (Eq. 9).
 ///
+/// Functions that solve with the mass matrix M report the worse of the two: for M its pivots relative
+/// to its diagonal, and 0 or NaN where M is not positive definite.
+///
 /// It is a numerical outcome, not an error: functions return it at singular states too.
 ///
 /// ```

@@ -6,7 +6,7 @@ mod arguments;
 mod table;
 
 pub use arguments::{Argument, Arguments};
-pub use table::{BaseFunction, Function};
+pub use table::{BaseFunction, ControlFunction, Function};
 
 /// The items that the length of an argument or an output counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +33,10 @@ pub enum Size {
     Free,
     /// The twelve numbers of a pose: a rotation matrix and a position.
     Pose,
+    /// The independent coordinates, then their velocities: 2 dof.
+    State,
+    /// The independent coordinates, then their velocities, then their efforts: 3 dof.
+    StateEfforts,
 }
 
 /// The order in which a matrix is stored.
@@ -170,6 +174,8 @@ impl Sizes {
             Size::Base => self.base,
             Size::Free => self.free,
             Size::Pose => 12,
+            Size::State => 2 * self.independent,
+            Size::StateEfforts => 3 * self.independent,
         }
     }
 

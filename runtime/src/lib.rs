@@ -38,6 +38,7 @@ mod base;
 #[cfg(feature = "closure")]
 mod closure;
 mod condition;
+mod control;
 pub mod friction;
 pub mod function;
 mod info;
@@ -54,8 +55,9 @@ pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 #[cfg(feature = "closure")]
 pub use closure::{ClosureError, LoopClosure, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
+pub use control::ControlModel;
 pub use friction::{Friction, JointFriction};
-pub use function::{Arguments, BaseFunction, Function};
+pub use function::{Arguments, BaseFunction, ControlFunction, Function};
 pub use info::{Cut, Info, Joint, Limits, Motion, SwingLimit};
 pub use kernel::BaseKernel;
 pub use linear::solve_pivoted;

@@ -1,6 +1,6 @@
 //! Functions at many states in one call.
 
-use crate::{Arguments, BaseFunction, Function, SizeError};
+use crate::{Arguments, BaseFunction, ControlFunction, Function, SizeError};
 
 /// A model that computes many states faster than one after the other; see
 /// [`Model::many`](crate::Model::many).
@@ -31,6 +31,20 @@ pub trait ManyStates {
     fn eval_base_many(
         &self,
         function: BaseFunction,
+        count: usize,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+        pivots: &mut [f64],
+    ) -> Result<(), SizeError>;
+
+    /// Computes a function for controllers at `count` states, as
+    /// [`ControlModel::eval_control`](crate::ControlModel::eval_control) does at one.
+    ///
+    /// # Errors
+    /// As [`eval_many`](Self::eval_many).
+    fn eval_control_many(
+        &self,
+        function: ControlFunction,
         count: usize,
         arguments: Arguments<'_, f64>,
         out: &mut [f64],

@@ -5,7 +5,8 @@ use std::cell::RefCell;
 
 use regen_runtime::function::{Argument, Signature};
 use regen_runtime::{
-    Arguments, BaseFunction, BaseInfo, BaseModel, Condition, Function, Info, Model, SizeError,
+    Arguments, BaseFunction, BaseInfo, BaseModel, Condition, ControlFunction, ControlModel,
+    Function, Info, Model, SizeError,
 };
 
 /// A model that records each call of `eval`: the function's name and the given arguments, each by
@@ -70,6 +71,17 @@ impl BaseModel for Recorder {
     }
 }
 
+impl ControlModel for Recorder {
+    fn eval_control(
+        &self,
+        function: ControlFunction,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        Ok(self.record(function.signature(), &arguments, out))
+    }
+}
+
 /// Calls methods with a different entry for each argument; returns the expected records: the name,
 /// the arguments in order, and whether the method returns a condition.
 macro_rules! call {
@@ -120,11 +132,20 @@ fn each_named_method_is_its_function_with_its_arguments() {
         base_gravity(q = 1.0, beta = 10.0) -> condition;
         base_bias_forces(q = 1.0, qd = 2.0, beta = 10.0) -> condition;
         base_mass_matrix(q = 1.0, beta = 10.0) -> condition;
+        momentum(q = 1.0, qd = 2.0, phi = 8.0) -> condition;
+        momentum_rate(q = 1.0, qd = 2.0, phi = 8.0) -> condition;
+        momentum_regressor(q = 1.0, qd = 2.0) -> condition;
+        momentum_rate_regressor(q = 1.0, qd = 2.0) -> condition;
+        coriolis_matrix(q = 1.0, qd = 2.0, phi = 8.0) -> condition;
+        forward_dynamics(q = 1.0, qd = 2.0, tau_i = 9.5, phi = 8.0) -> condition;
+        inverse_dynamics_derivatives(q = 1.0, qd = 2.0, qdd = 3.0, phi = 8.0) -> condition;
+        forward_dynamics_derivatives(q = 1.0, qd = 2.0, tau_i = 9.5, phi = 8.0) -> condition;
     }
     let calls = model.calls.into_inner();
     let full = Function::ALL.map(Function::signature).into_iter();
     let base = BaseFunction::ALL.map(BaseFunction::signature);
-    let signatures: Vec<&Signature> = full.chain(base).collect();
+    let control = ControlFunction::ALL.map(ControlFunction::signature);
+    let signatures: Vec<&Signature> = full.chain(base).chain(control).collect();
     assert_eq!(calls.len(), signatures.len());
     for ((signature, call), (name, given, condition)) in
         signatures.into_iter().zip(calls).zip(expected)

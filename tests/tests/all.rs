@@ -8,6 +8,7 @@ mod c_guide;
 mod c_robots;
 mod chapter;
 mod compiled;
+mod control;
 mod coupled_rest;
 mod derived_agrees;
 mod derived_random;

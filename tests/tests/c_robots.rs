@@ -12,7 +12,7 @@ use regen_codegen::interpret;
 use regen_codegen::pipeline::derive;
 use regen_codegen::robot::{Function, Robot};
 use regen_runtime::function::Signature;
-use regen_runtime::{Arguments, BaseFunction, Function as Kind};
+use regen_runtime::{Arguments, BaseFunction, ControlFunction, Function as Kind};
 use regen_tests::files;
 
 const WARNINGS: [&str; 5] = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"];
@@ -189,6 +189,15 @@ fn by_rust(model: regen_robots::Robot, name: &str, inputs: &[Vec<f64>]) -> (Vec<
     if let Some(kind) = Kind::ALL.into_iter().find(|k| k.signature().name == name) {
         out = vec![f64::NAN; sizes.output(kind.signature())];
         condition = model.eval(kind, named(kind.signature()), &mut out);
+    } else if let Some(kind) = ControlFunction::ALL
+        .into_iter()
+        .find(|k| k.signature().name == name)
+    {
+        let mut controlled = regen_robots::CONTROLLED.iter();
+        let of = model.info().name;
+        let (_, model) = controlled.find(|(name, _)| *name == of).unwrap();
+        out = vec![f64::NAN; sizes.output(kind.signature())];
+        condition = model.eval_control(kind, named(kind.signature()), &mut out);
     } else {
         let mut kinds = BaseFunction::ALL.into_iter();
         let kind = kinds.find(|k| k.signature().name == name).unwrap();

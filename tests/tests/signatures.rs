@@ -1,11 +1,12 @@
 //! The generator and the runtime have the same table of functions, and robots conform to it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline;
-use regen_codegen::signature::{self, FunctionKind, Needs};
+use regen_codegen::signature::{self, FunctionKind, Needs, Trait};
 use regen_runtime::function::{self, Sizes};
-use regen_runtime::{BaseFunction, Function};
+use regen_runtime::{BaseFunction, ControlFunction, Function};
 use regen_tests::derived::Derived;
 use regen_tests::files;
 
@@ -38,19 +39,17 @@ fn of_runtime(case: String, signature: &function::Signature) -> Row {
 
 #[test]
 fn the_generator_and_the_runtime_have_the_same_functions() {
-    let (base, full): (Vec<FunctionKind>, Vec<FunctionKind>) = FunctionKind::ALL
-        .into_iter()
-        .partition(|kind| kind.signature().needs == Needs::Base);
+    let ours = |of: Trait| -> Vec<Row> {
+        let kinds = FunctionKind::ALL.into_iter();
+        let kinds = kinds.filter(|kind| kind.signature().of == of);
+        kinds.map(of_codegen).collect()
+    };
     let theirs = Function::ALL.map(|f| of_runtime(format!("{f:?}"), f.signature()));
-    assert_eq!(
-        full.into_iter().map(of_codegen).collect::<Vec<_>>(),
-        theirs.to_vec()
-    );
+    assert_eq!(ours(Trait::Model), theirs.to_vec());
     let theirs = BaseFunction::ALL.map(|f| of_runtime(format!("{f:?}"), f.signature()));
-    assert_eq!(
-        base.into_iter().map(of_codegen).collect::<Vec<_>>(),
-        theirs.to_vec()
-    );
+    assert_eq!(ours(Trait::BaseModel), theirs.to_vec());
+    let theirs = ControlFunction::ALL.map(|f| of_runtime(format!("{f:?}"), f.signature()));
+    assert_eq!(ours(Trait::ControlModel), theirs.to_vec());
 }
 
 #[test]
@@ -75,7 +74,9 @@ fn every_program_has_the_sizes_of_its_signature() {
     let mut checked = 0;
     for folder in [files::robots(), files::mechanisms()] {
         for path in files::list(&folder, "yaml").unwrap() {
-            let robot = Derived::from_file(&path).unwrap().robot;
+            let text = std::fs::read_to_string(&path).unwrap();
+            let mechanism = Mechanism::open(&Source::new("robot.yaml", text)).unwrap();
+            let robot = mechanism.robot(&FunctionKind::ALL).unwrap();
             for kind in FunctionKind::ALL {
                 let signature = kind.signature();
                 let is_expected = match signature.needs {
@@ -136,6 +137,8 @@ fn the_generator_and_the_runtime_have_the_same_sizes() {
         (signature::Size::Base, function::Size::Base),
         (signature::Size::Free, function::Size::Free),
         (signature::Size::Pose, function::Size::Pose),
+        (signature::Size::State, function::Size::State),
+        (signature::Size::StateEfforts, function::Size::StateEfforts),
     ];
     for (ours, theirs) in pairs {
         assert_eq!(robot.length(ours), base.length(theirs), "{ours:?}");

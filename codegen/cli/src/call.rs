@@ -238,7 +238,7 @@ pub fn derive(source: &Source, payload: Option<bool>, handle: &Handle) -> Result
     };
     load::use_cache();
     let (result, _) = as_call(BTreeMap::new(), None, handle, || {
-        load::loaded_derived(source, payload)
+        load::loaded_with_control(source, payload)
     });
     result
 }

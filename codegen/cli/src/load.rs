@@ -167,7 +167,9 @@ pub(crate) fn loaded_derived(
     payload: Option<PayloadArg>,
 ) -> Result<Robot, Failure> {
     let mechanism = loaded(source, payload)?;
-    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
+    Ok(deriving(source, || {
+        mechanism.robot(&mechanism.functions())
+    })?)
 }
 
 /// Refuses a mechanism that has more parameters than base parameters are derived for.
@@ -193,6 +195,22 @@ pub(crate) fn analysis<'m>(
     Ok(deriving(source, || mechanism.analysis())?)
 }
 
+/// As [`loaded_derived`], with the functions of controllers too.
+pub(crate) fn loaded_with_control(
+    source: &Source,
+    payload: Option<PayloadArg>,
+) -> Result<Robot, Failure> {
+    let mechanism = loaded(source, payload)?;
+    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
+}
+
+/// As [`with_base`], with the functions of controllers too.
+pub(crate) fn with_base_and_control(source: &Source) -> Result<Robot, Failure> {
+    let mechanism = mechanism(source)?;
+    check_parameter_count(&mechanism)?;
+    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
+}
+
 /// Reads and derives one robot.
 pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
     derived(&source(path)?)
@@ -201,7 +219,9 @@ pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
 /// Derives one robot.
 pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
     let mechanism = mechanism(source)?;
-    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
+    Ok(deriving(source, || {
+        mechanism.robot(&mechanism.functions())
+    })?)
 }
 
 /// Derives one robot, or refuses it where its base parameters cannot be derived.
@@ -233,7 +253,9 @@ pub(crate) fn unloaded_with_base(source: &Source) -> Result<Robot, Failure> {
 
 fn whole(mechanism: &Mechanism, source: &Source) -> Result<Robot, Failure> {
     check_parameter_count(mechanism)?;
-    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
+    Ok(deriving(source, || {
+        mechanism.robot(&mechanism.functions())
+    })?)
 }
 
 /// Reads and derives one robot without its base parameters, which is quick for large ones too.

@@ -26,7 +26,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
             "several specs are verified with --all".to_owned(),
         ));
     };
-    let robot = load::with_base(&load::source(file)?)?;
+    let robot = load::with_base_and_control(&load::source(file)?)?;
     let report = checked(&robot, is_up_to_date(&robot, file)?)?;
     let numeric = regen_verify::numeric_path(&robot, args.states)?;
     terminal::print(&match args.format {
@@ -124,7 +124,7 @@ fn is_experiment(file: &Path) -> bool {
 
 fn independent(file: &Path) -> Result<OfFile, Failure> {
     let source = load::source(file)?;
-    let robot = load::with_base(&source)?;
+    let robot = load::with_base_and_control(&source)?;
     let vectors = vectors(file)?;
     let report = regen_verify::independent(&robot, &source.text, vectors.as_ref());
     Ok(OfFile {

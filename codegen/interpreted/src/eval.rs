@@ -5,8 +5,8 @@ use regen_codegen::optimize::Program;
 use regen_codegen::robot::Robot;
 use regen_runtime::function::{Argument, Signature};
 use regen_runtime::{
-    Arguments, BaseFunction, BaseInfo, BaseModel, BaseParameter, Condition, Function, Info,
-    ManyStates, Model, Scalar, SizeError,
+    Arguments, BaseFunction, BaseInfo, BaseModel, BaseParameter, Condition, ControlFunction,
+    ControlModel, Function, Info, ManyStates, Model, Scalar, SizeError,
 };
 use std::cell::RefCell;
 use std::sync::OnceLock;
@@ -80,6 +80,7 @@ impl Entry<'_> {
 pub(super) struct Programs<'a> {
     model: [Entry<'a>; Function::ALL.len()],
     base: [Entry<'a>; BaseFunction::ALL.len()],
+    control: [Entry<'a>; ControlFunction::ALL.len()],
 }
 
 impl<'a> Programs<'a> {
@@ -96,6 +97,7 @@ impl<'a> Programs<'a> {
         Self {
             model: Function::ALL.map(|function| program(function.signature())),
             base: BaseFunction::ALL.map(|function| program(function.signature())),
+            control: ControlFunction::ALL.map(|function| program(function.signature())),
         }
     }
 }
@@ -194,6 +196,18 @@ impl ManyStates for Interpreted<'_> {
         let entry = &self.programs.base[function as usize];
         self.run_many(function.signature(), entry, count, &arguments, out, pivots)
     }
+
+    fn eval_control_many(
+        &self,
+        function: ControlFunction,
+        count: usize,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+        pivots: &mut [f64],
+    ) -> Result<(), SizeError> {
+        let entry = &self.programs.control[function as usize];
+        self.run_many(function.signature(), entry, count, &arguments, out, pivots)
+    }
 }
 
 impl<T: Interpret> Model<T> for Interpreted<'_> {
@@ -232,6 +246,18 @@ impl<T: Interpret> BaseModel<T> for Interpreted<'_> {
         out: &mut [T],
     ) -> Result<Condition<T>, SizeError> {
         let entry = &self.programs.base[function as usize];
+        self.run(function.signature(), entry, &arguments, out)
+    }
+}
+
+impl<T: Interpret> ControlModel<T> for Interpreted<'_> {
+    fn eval_control(
+        &self,
+        function: ControlFunction,
+        arguments: Arguments<'_, T>,
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError> {
+        let entry = &self.programs.control[function as usize];
         self.run(function.signature(), entry, &arguments, out)
     }
 }

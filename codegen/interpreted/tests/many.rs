@@ -4,13 +4,13 @@
 
 use regen_batch::{PredictedClosure, TrajectoryClosure};
 use regen_codegen::diag::Source;
-use regen_codegen::robot::Robot;
-use regen_codegen::{interpret, pipeline};
+use regen_codegen::robot::{FunctionKind, Robot};
+use regen_codegen::{Mechanism, interpret};
 use regen_interpreted::Interpreted;
 use regen_runtime::function::{Argument, Signature, Sizes};
 use regen_runtime::{
-    Arguments, BaseFunction, BaseModel, Condition, Function, LoopClosure, ManyStates, Model,
-    SizeError,
+    Arguments, BaseFunction, BaseModel, Condition, ControlFunction, ControlModel, Function,
+    LoopClosure, ManyStates, Model, SizeError,
 };
 
 /// Numbers from -4 to 4, with zeros among them, for the signs of velocities.
@@ -124,7 +124,8 @@ fn compare(
 }
 
 fn check(text: &str) {
-    let robot = pipeline::derive(&Source::new("robot.yaml", text)).unwrap();
+    let mechanism = Mechanism::open(&Source::new("robot.yaml", text)).unwrap();
+    let robot = mechanism.robot(&FunctionKind::ALL).unwrap();
     let model = Interpreted::new(&robot);
     let base = model.base_info();
     let mut sizes = Sizes::of(&model.info());
@@ -142,6 +143,19 @@ fn check(text: &str) {
                 &|arguments, out| Model::eval(&model, function, arguments, out),
                 &|count, arguments, out, pivots| {
                     model.eval_many(function, count, arguments, out, pivots)
+                },
+            );
+        }
+        for function in ControlFunction::ALL {
+            compare(
+                &robot,
+                &sizes,
+                home,
+                function.signature(),
+                count,
+                &|arguments, out| model.eval_control(function, arguments, out),
+                &|count, arguments, out, pivots| {
+                    model.eval_control_many(function, count, arguments, out, pivots)
                 },
             );
         }
@@ -194,7 +208,8 @@ fn a_closed_loop_solved_by_other_pivots_has_the_bits_of_single_states() {
 /// Compares a trajectory that is closed in blocks with one that is closed state by state: sines of
 /// this size about home, with a jump and, if it is large, states that cannot be closed.
 fn compare_closure(text: &str, size: f64) -> (usize, usize) {
-    let robot = pipeline::derive(&Source::new("robot.yaml", text)).unwrap();
+    let mechanism = Mechanism::open(&Source::new("robot.yaml", text)).unwrap();
+    let robot = mechanism.robot(&FunctionKind::ALL).unwrap();
     let model = Interpreted::new(&robot);
     let info = Model::<f64>::info(&model);
     let (n, dof, count) = (info.coordinates.len(), info.dof(), 400);
@@ -282,7 +297,8 @@ fn a_trajectory_that_leaves_the_workspace_ends_in_blocks_where_it_ends_state_by_
 /// Closes states along a motion from predictions, good, poor and missing ones, and compares them
 /// with those of `LoopClosure`; returns how many were closed and how many not.
 fn compare_predicted(text: &str, size: f64) -> (usize, usize) {
-    let robot = pipeline::derive(&Source::new("robot.yaml", text)).unwrap();
+    let mechanism = Mechanism::open(&Source::new("robot.yaml", text)).unwrap();
+    let robot = mechanism.robot(&FunctionKind::ALL).unwrap();
     let model = Interpreted::new(&robot);
     let info = Model::<f64>::info(&model);
     let mut predicted = PredictedClosure::new(&model).unwrap();

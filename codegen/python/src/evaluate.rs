@@ -1,10 +1,10 @@
 //! Evaluates functions at many states, with arrays that are stored state by state. The batch
 //! evaluator needs them entry by entry, so that states are transposed in blocks that fit the cache.
 
-use regen_batch::{eval_base_many, eval_many};
+use regen_batch::{eval_base_many, eval_control_many, eval_many};
 use regen_interpreted::Interpreted;
 use regen_runtime::function::{Argument, Layout, Shape, Signature, Sizes};
-use regen_runtime::{Arguments, BaseFunction, Function, SizeError};
+use regen_runtime::{Arguments, BaseFunction, ControlFunction, Function, SizeError};
 
 /// The number of states in a block.
 const BLOCK: usize = 64;
@@ -13,11 +13,12 @@ const TILE: usize = 8;
 /// The number of states after which control returns to the caller, which handles signals.
 const PART: usize = 1 << 14;
 
-/// A function, of all parameters or of base parameters.
+/// A function, of all parameters, of base parameters or for controllers.
 #[derive(Clone, Copy)]
 pub(crate) enum Which {
     Whole(Function),
     Base(BaseFunction),
+    Control(ControlFunction),
 }
 
 impl Which {
@@ -25,13 +26,16 @@ impl Which {
     pub(crate) fn named(name: &str) -> Option<Self> {
         let whole = Function::ALL.into_iter().map(Self::Whole);
         let base = BaseFunction::ALL.into_iter().map(Self::Base);
-        whole.chain(base).find(|f| f.signature().name == name)
+        let control = ControlFunction::ALL.into_iter().map(Self::Control);
+        let mut all = whole.chain(base).chain(control);
+        all.find(|f| f.signature().name == name)
     }
 
     pub(crate) fn signature(self) -> &'static Signature {
         match self {
             Self::Whole(function) => function.signature(),
             Self::Base(function) => function.signature(),
+            Self::Control(function) => function.signature(),
         }
     }
 }
@@ -148,6 +152,9 @@ impl<'a> Batch<'a> {
             }
             Which::Base(function) => {
                 eval_base_many(self.model, function, count, arguments, out, pivots)?;
+            }
+            Which::Control(function) => {
+                eval_control_many(self.model, function, count, arguments, out, pivots)?;
             }
         }
         let (rows, columns, layout) = match signature.shape {

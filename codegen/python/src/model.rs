@@ -11,7 +11,7 @@ use regen_cli::call;
 use regen_codegen::diag::Source;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::function::{Shape, Signature, Size};
-use regen_runtime::{BaseFunction, Function, Outcome};
+use regen_runtime::{BaseFunction, ControlFunction, Function, Outcome};
 use serde_json::json;
 
 use crate::evaluate::{Batch, Which};
@@ -80,7 +80,8 @@ impl Derived {
         let functions = Function::ALL
             .iter()
             .map(|f| f.signature())
-            .chain(BaseFunction::ALL.iter().map(|f| f.signature()));
+            .chain(BaseFunction::ALL.iter().map(|f| f.signature()))
+            .chain(ControlFunction::ALL.iter().map(|f| f.signature()));
         let functions = functions.map(|s| {
             let arguments = s.arguments.iter().map(|a| {
                 json!({

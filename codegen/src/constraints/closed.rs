@@ -3,9 +3,9 @@
 use crate::kinematics::{Frames, Rates};
 use crate::model::Model;
 use crate::sym::eval::Evaluator;
-use crate::sym::{Ex, Graph, System};
+use crate::sym::{Ex, Graph, SymbolId, System};
 
-use super::elimination::{Eliminated, Plan, eliminate, plan, structure};
+use super::elimination::{Eliminated, Pivot, Plan, eliminate, plan, structure};
 use super::home::{HomeProblem, Mismatch, NumericLoops, close_home};
 use super::loops::{LoopEquations, Viewpoint};
 use super::rows::{Equations, agreement, coupling_equations, world_equations};
@@ -138,6 +138,32 @@ fn columns(rows: &[Vec<Ex>], which: &[usize]) -> Vec<Vec<Ex>> {
         .collect()
 }
 
+/// The solution Z of `A Z = B` in the planned order of pivots, guarded as in [`LoopSolver::solve`].
+fn guarded(g: &mut Graph, a: Vec<Vec<Ex>>, b: Vec<Vec<Ex>>, plan: &Plan) -> Vec<Vec<Ex>> {
+    let Eliminated {
+        solution: fixed,
+        pivots,
+    } = eliminate(g, &a, &b, plan);
+    // constant pivots need no guard
+    let pivots: Vec<(Ex, f64)> = pivots
+        .into_iter()
+        .filter(|p| g.value(p.0).is_none())
+        .collect();
+    if pivots.is_empty() {
+        return fixed;
+    }
+    let (unknowns, sides) = (fixed.len(), b.first().map_or(0, Vec::len));
+    let id = g.add_system(System {
+        matrix: a,
+        rhs: b,
+        fixed,
+        pivots,
+    });
+    (0..unknowns)
+        .map(|row| (0..sides).map(|side| g.solved(id, row, side)).collect())
+        .collect()
+}
+
 impl LoopSolver {
     fn build(
         g: &mut Graph,
@@ -199,28 +225,69 @@ impl LoopSolver {
     /// solved again, with pivoting.
     pub fn solve(&self, g: &mut Graph, model: &Model, rhs: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
         let a_e = columns(&self.jacobian, &model.dependent);
-        let Eliminated {
-            solution: fixed,
-            pivots,
-        } = eliminate(g, &a_e, rhs, &self.plan);
-        // constant pivots need no guard
-        let pivots: Vec<(Ex, f64)> = pivots
-            .into_iter()
-            .filter(|p| g.value(p.0).is_none())
+        guarded(g, a_e, rhs.to_vec(), &self.plan)
+    }
+
+    /// The multipliers of the closure rows with `A_e^T multipliers = rhs`, guarded as in
+    /// [`LoopSolver::solve`]; zero for redundant rows.
+    pub fn solve_transposed(&self, g: &mut Graph, model: &Model, rhs: &[Ex]) -> Vec<Ex> {
+        let kept = self.dependent_jacobian(model);
+        let transposed: Vec<Vec<Ex>> = (0..kept.len())
+            .map(|c| kept.iter().map(|row| row[c]).collect())
             .collect();
-        if pivots.is_empty() {
-            return fixed;
+        let pivots = self.plan.pivots.iter().enumerate();
+        let plan = Plan {
+            pivots: pivots
+                .map(|(k, pivot)| Pivot {
+                    row: pivot.column,
+                    column: k,
+                    ..*pivot
+                })
+                .collect(),
+            redundant_rows: Vec::new(),
+            poor_pivots: 0,
+        };
+        let rhs: Vec<Vec<Ex>> = rhs.iter().map(|e| vec![*e]).collect();
+        let solution = guarded(g, transposed, rhs, &plan);
+        let mut multipliers = vec![Ex::ZERO; self.jacobian.len()];
+        for (pivot, entry) in self.plan.pivots.iter().zip(solution.iter().flatten()) {
+            multipliers[pivot.row] = *entry;
         }
-        let (unknowns, sides) = (fixed.len(), rhs.first().map_or(0, Vec::len));
-        let id = g.add_system(System {
-            matrix: a_e,
-            rhs: rhs.to_vec(),
-            fixed,
-            pivots,
-        });
-        (0..unknowns)
-            .map(|row| (0..sides).map(|side| g.solved(id, row, side)).collect())
-            .collect()
+        multipliers
+    }
+
+    /// The derivatives of `b - A qdd` where the coordinates change at the rates `q_rates` and the
+    /// velocities at the rates `qd_rates`, at constant accelerations `rates.qdd`; for motions that
+    /// keep the loops closed.
+    ///
+    /// - `symbols`: the symbols of q and of qd, by coordinate.
+    pub fn acceleration_slopes(
+        &self,
+        g: &mut Graph,
+        (frames, model): (&Frames, &Model),
+        rates: &Rates,
+        symbols: [&[SymbolId]; 2],
+        slopes: [&[Ex]; 2],
+    ) -> Vec<Ex> {
+        let seeds = symbols.into_iter().zip(slopes);
+        let seeds: Vec<(SymbolId, Ex)> = seeds
+            .flat_map(|(symbols, slopes)| symbols.iter().copied().zip(slopes.iter().copied()))
+            .filter(|(_, slope)| !slope.is_zero())
+            .collect();
+        let coasting = Rates {
+            qdd: vec![Ex::ZERO; rates.qdd.len()],
+            gravity: false,
+            ..rates.clone()
+        };
+        let bias = self.bias(g, frames, model, &coasting);
+        let bias = g.directional(&bias, &seeds);
+        let rows = self.jacobian.iter().zip(bias);
+        rows.map(|(row, bias)| {
+            let row = g.directional(row, &seeds);
+            let own = g.dot(&row, &rates.qdd);
+            g.sub(bias, own)
+        })
+        .collect()
     }
 
     /// X of Eq. 10, guarded as in [`LoopSolver::solve`].

@@ -96,6 +96,20 @@ pub fn joint_efforts(
     rates: &Rates,
     phi: &[Ex],
 ) -> Vec<Ex> {
+    let (mut efforts, _) = inertial_efforts(g, frames, model, motions, phi);
+    add_other_efforts(g, frames, model, rates, phi, &mut efforts);
+    efforts
+}
+
+/// The efforts of the links' inertial forces, by coordinate; and by link the inertial wrench of the
+/// link and of all that it carries, about the link's origin in its frame.
+pub(super) fn inertial_efforts(
+    g: &mut Graph,
+    frames: &Frames,
+    model: &Model,
+    motions: &[LinkMotion],
+    phi: &[Ex],
+) -> (Vec<Ex>, Vec<Wrench>) {
     let mut wrenches = vec![Wrench::ZERO; frames.links.len()];
     for (index, body) in model.bodies.iter().enumerate() {
         let inertial = Inertial::of_body(index, phi);
@@ -114,13 +128,24 @@ pub fn joint_efforts(
             wrenches[parent] = wrenches[parent].plus(g, &carried);
         }
     }
+    (efforts, wrenches)
+}
+
+/// Adds the efforts of the parameters that belong to no body, by coordinate.
+pub(super) fn add_other_efforts(
+    g: &mut Graph,
+    frames: &Frames,
+    model: &Model,
+    rates: &Rates,
+    phi: &[Ex],
+    efforts: &mut [Ex],
+) {
     for (parameter, value) in model.parameters.iter().zip(phi) {
         for (coordinate, factor) in effort_column(g, model, frames, rates, parameter.kind) {
             let term = g.mul(factor, *value);
             efforts[coordinate] = g.add(efforts[coordinate], term);
         }
     }
-    efforts
 }
 
 /// The moment I alpha + w x I w + m r x a and the force m a + eta_tilde m r of a body.

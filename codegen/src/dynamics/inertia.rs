@@ -9,17 +9,7 @@ use super::forces::{Inertial, Wrench};
 /// The mass matrix M over all coordinates, with the rotor inertias on its diagonal; n by n.
 pub fn mass_matrix(g: &mut Graph, frames: &Frames, model: &Model, phi: &[Ex]) -> Vec<Vec<Ex>> {
     let n = model.coordinates.len();
-    let mut composite = vec![Inertial::ZERO; frames.links.len()];
-    for (index, body) in model.bodies.iter().enumerate() {
-        let own = Inertial::of_body(index, phi);
-        composite[body.link] = sum(g, &composite[body.link], &own);
-    }
-    for link in (0..frames.links.len()).rev() {
-        if let Some(parent) = frames.links[link].parent {
-            let carried = on_parent(g, frames, link, &composite[link]);
-            composite[parent] = sum(g, &composite[parent], &carried);
-        }
-    }
+    let composite = composite_inertias(g, frames, model, phi);
     let mut matrix = vec![vec![Ex::ZERO; n]; n];
     for (start, inertia) in composite.iter().enumerate() {
         let Some(joint) = frames.links[start].joint else {
@@ -50,8 +40,29 @@ pub fn mass_matrix(g: &mut Graph, frames: &Frames, model: &Model, phi: &[Ex]) ->
     matrix
 }
 
-/// The wrench that gives the composite body a unit acceleration of the joint.
-fn accelerated(g: &mut Graph, inertia: &Inertial, Twist { e, u }: &Twist) -> Wrench {
+/// By link, the parameters of the link and of all that it carries as one rigid body.
+pub(super) fn composite_inertias(
+    g: &mut Graph,
+    frames: &Frames,
+    model: &Model,
+    phi: &[Ex],
+) -> Vec<Inertial> {
+    let mut composite = vec![Inertial::ZERO; frames.links.len()];
+    for (index, body) in model.bodies.iter().enumerate() {
+        let own = Inertial::of_body(index, phi);
+        composite[body.link] = sum(g, &composite[body.link], &own);
+    }
+    for link in (0..frames.links.len()).rev() {
+        if let Some(parent) = frames.links[link].parent {
+            let carried = on_parent(g, frames, link, &composite[link]);
+            composite[parent] = sum(g, &composite[parent], &carried);
+        }
+    }
+    composite
+}
+
+/// The wrench that gives the composite body the acceleration of a twist.
+pub(super) fn accelerated(g: &mut Graph, inertia: &Inertial, Twist { e, u }: &Twist) -> Wrench {
     let turned = Wrench {
         moment: inertia.tensor_times(g, e),
         force: g.cross(e, &inertia.moment),
@@ -63,7 +74,7 @@ fn accelerated(g: &mut Graph, inertia: &Inertial, Twist { e, u }: &Twist) -> Wre
     turned.plus(g, &slid)
 }
 
-fn sum(g: &mut Graph, a: &Inertial, b: &Inertial) -> Inertial {
+pub(super) fn sum(g: &mut Graph, a: &Inertial, b: &Inertial) -> Inertial {
     let mut tensor = a.tensor;
     for (x, y) in tensor.iter_mut().zip(&b.tensor) {
         *x = g.add(*x, *y);

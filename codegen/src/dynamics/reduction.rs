@@ -44,6 +44,32 @@ impl Reduction {
             .collect()
     }
 
+    /// `M J` for a matrix M whose columns are by coordinate.
+    pub fn times(&self, g: &mut Graph, m: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
+        let columns: Vec<Vec<Ex>> = (0..self.width()).map(|j| self.column(j)).collect();
+        m.iter()
+            .map(|row| columns.iter().map(|column| g.dot(row, column)).collect())
+            .collect()
+    }
+
+    /// `J^T M` for a matrix M whose rows are by coordinate.
+    pub fn reduce_rows(&self, g: &mut Graph, m: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
+        let count = m.first().map_or(0, Vec::len);
+        let mut reduced = vec![Vec::with_capacity(count); self.width()];
+        for k in 0..count {
+            let column: Vec<Ex> = m.iter().map(|row| row[k]).collect();
+            for (row, entry) in reduced.iter_mut().zip(self.reduce(g, &column)) {
+                row.push(entry);
+            }
+        }
+        reduced
+    }
+
+    /// The rates of all coordinates for a unit rate of one independent one.
+    pub fn column(&self, independent: usize) -> Vec<Ex> {
+        self.rows.iter().map(|r| r[independent]).collect()
+    }
+
     /// `J^T M J` for a symmetric M over all coordinates.
     pub fn reduce_matrix(&self, g: &mut Graph, m: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
         let width = self.width();

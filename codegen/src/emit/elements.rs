@@ -31,7 +31,7 @@ pub(super) fn elements(robot: &Robot, size: Size) -> Vec<String> {
         Size::Bodies => robot.bodies.clone(),
         Size::Base => kept_labels(robot),
         Size::Free => eliminated_labels(robot),
-        Size::Rows | Size::Cones | Size::Pose => numbered(),
+        Size::Rows | Size::Cones | Size::Pose | Size::State | Size::StateEfforts => numbered(),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::sym::Ex;
 use super::closure::{all_accelerations, all_velocities, rates_without_qdd};
 use super::{Context, Groups, group};
 
-fn reduction(cx: &mut Context<'_>) -> Reduction {
+pub(super) fn reduction(cx: &mut Context<'_>) -> Reduction {
     let x = match &cx.closed.closure {
         Some(closure) => closure.solve_x(cx.g, cx.model),
         None => Vec::new(),
@@ -16,7 +16,7 @@ fn reduction(cx: &mut Context<'_>) -> Reduction {
     Reduction::new(cx.g, cx.model, &x)
 }
 
-fn link_motions(cx: &mut Context<'_>, rates: &Rates) -> Vec<LinkMotion> {
+pub(super) fn link_motions(cx: &mut Context<'_>, rates: &Rates) -> Vec<LinkMotion> {
     let names: Vec<String> = cx.model.links.iter().map(|l| l.name.clone()).collect();
     motions(cx.g, cx.frames, rates, Some(&names))
 }
@@ -43,13 +43,17 @@ fn columns_of(cx: &mut Context<'_>, rates: &Rates, wanted: &[bool]) -> Vec<Vec<E
         centres: &centres(cx.g, cx.frames, cx.model),
     };
     let columns = dynamics::reduced_regressor(cx.g, cx.model, &motions, &tree, rates, &j, wanted);
+    name_columns(cx, &columns);
+    columns
+}
+
+pub(super) fn name_columns(cx: &mut Context<'_>, columns: &[Vec<Ex>]) {
     for (column, parameter) in columns.iter().zip(&cx.model.parameters) {
         for (entry, i) in column.iter().zip(&cx.model.independent) {
             let row = &cx.model.coordinates[*i].name;
             cx.g.name(*entry, || format!("w_{}_{row}", parameter.label));
         }
     }
-    columns
 }
 
 /// The columns of W for the rates of the arguments; columns that are not `wanted` may take more
@@ -73,6 +77,11 @@ pub(super) fn remaining_columns(model: &Model) -> &'static str {
 /// The columns of W as groups of expressions: one per body, one for friction and rotors.
 fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Groups {
     let columns = columns_of(cx, rates, &vec![true; cx.model.parameters.len()]);
+    column_groups(cx, &columns)
+}
+
+/// The columns of a regressor as groups of expressions, as [`regressor_groups`].
+pub(super) fn column_groups(cx: &Context<'_>, columns: &[Vec<Ex>]) -> Groups {
     let mut groups = Vec::new();
     let (inertial, rest) = columns.split_at(10 * cx.model.bodies.len());
     for (body, columns) in cx.model.bodies.iter().zip(inertial.chunks(10)) {
@@ -87,6 +96,13 @@ fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Groups {
 
 pub(super) fn regressor(cx: &mut Context<'_>) -> Groups {
     let rates = given_rates(cx);
+    regressor_groups(cx, &rates)
+}
+
+/// The regressor of the momentum: that of accelerations that equal the velocities, at rest.
+pub(super) fn momentum_regressor(cx: &mut Context<'_>) -> Groups {
+    let qd = cx.symbols.qd_nodes(cx.g);
+    let rates = dynamics::velocities_as_accelerations(&qd);
     regressor_groups(cx, &rates)
 }
 

@@ -2,6 +2,7 @@
 
 mod base;
 mod closure;
+mod control;
 mod dynamics;
 mod symbols;
 
@@ -94,6 +95,14 @@ fn groups(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Groups> {
         FunctionKind::BaseGravity => base::forces(cx, base?, dynamics::Motion::Rest),
         FunctionKind::BaseBiasForces => base::forces(cx, base?, dynamics::Motion::Coasting),
         FunctionKind::BaseMassMatrix => base::mass_matrix(cx, base?),
+        FunctionKind::Momentum => control::momentum(cx),
+        FunctionKind::MomentumRate => control::momentum_rate(cx),
+        FunctionKind::MomentumRegressor => dynamics::momentum_regressor(cx),
+        FunctionKind::MomentumRateRegressor => control::momentum_rate_regressor(cx),
+        FunctionKind::CoriolisMatrix => control::coriolis_matrix(cx),
+        FunctionKind::ForwardDynamics => control::forward_dynamics(cx),
+        FunctionKind::InverseDynamicsDerivatives => control::inverse_dynamics_derivatives(cx),
+        FunctionKind::ForwardDynamicsDerivatives => control::forward_dynamics_derivatives(cx),
     })
 }
 
@@ -124,6 +133,7 @@ fn symbols(cx: &mut Context<'_>, argument: Argument) -> Option<Vec<SymbolId>> {
         Argument::QddRI => cx.symbols.qdd_r.clone(),
         Argument::Phi => cx.symbols.phi.clone(),
         Argument::TauActuated => cx.symbols.tau.clone(),
+        Argument::TauI => cx.symbols.tau_i.clone(),
         Argument::Beta => base::beta(cx, cx.base?),
         Argument::Free => base::free(cx, cx.base?),
     })
@@ -143,6 +153,8 @@ fn length(cx: &Context<'_>, size: Size) -> usize {
         Size::Base => cx.base.map_or(0, Base::rank),
         Size::Free => cx.base.map_or(0, |base| base.null.len()),
         Size::Pose => 12,
+        Size::State => 2 * model.independent.len(),
+        Size::StateEfforts => 3 * model.independent.len(),
     }
 }
 

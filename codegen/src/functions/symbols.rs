@@ -11,6 +11,7 @@ pub struct Symbols {
     pub(super) qdd: Vec<SymbolId>,
     pub(super) phi: Vec<SymbolId>,
     pub(super) tau: Vec<SymbolId>,
+    pub(super) tau_i: Vec<SymbolId>,
     pub(super) qd_r: Vec<SymbolId>,
     pub(super) qdd_r: Vec<SymbolId>,
 }
@@ -31,6 +32,7 @@ impl Symbols {
         let qd_r = all("'r", &model.independent);
         let qdd_r = all("''r", &model.independent);
         let tau = all("'tau", &model.actuated);
+        let tau_i = all("'tau_i", &model.independent);
         let phi = model.parameters.iter().map(|p| g.symbol_id(&p.label));
         Symbols {
             q,
@@ -38,6 +40,7 @@ impl Symbols {
             qdd,
             phi: phi.collect(),
             tau,
+            tau_i,
             qd_r,
             qdd_r,
         }
@@ -62,6 +65,10 @@ impl Symbols {
 
     pub(super) fn tau_nodes(&self, g: &mut Graph) -> Vec<Ex> {
         Self::nodes(g, &self.tau)
+    }
+
+    pub(super) fn tau_i_nodes(&self, g: &mut Graph) -> Vec<Ex> {
+        Self::nodes(g, &self.tau_i)
     }
 
     pub(super) fn reference_nodes(&self, g: &mut Graph) -> (Vec<Ex>, Vec<Ex>) {

@@ -7,7 +7,7 @@ use super::Mechanism;
 use crate::base::{self, StoreProblem};
 use crate::diag::{Report, Source};
 use crate::robot::{FunctionKind, Robot};
-use crate::signature::Needs;
+use crate::signature::{Needs, Trait};
 
 /// Where [`derive_with`] gets the base parameters and their certificate from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,7 +66,8 @@ impl From<Report> for DeriveError {
     }
 }
 
-/// Derives a robot with all its functions from the text of its spec. A robot with more than
+/// Derives a robot with the functions of generated sources from the text of its spec
+/// ([`Mechanism::functions`]). A robot with more than
 /// [`base::MAX_PARAMETERS`] parameters gets no base parameters and none of the functions that need
 /// them.
 ///
@@ -91,7 +92,8 @@ impl From<Report> for DeriveError {
 /// # Ok::<(), regen_codegen::diag::Report>(())
 /// ```
 pub fn derive(source: &Source) -> Result<Robot, Report> {
-    Mechanism::open(source)?.robot(&FunctionKind::ALL)
+    let mechanism = Mechanism::open(source)?;
+    mechanism.robot(&mechanism.functions())
 }
 
 /// Derives a robot from the text of its spec, with the base parameters from the source `from`. A
@@ -106,7 +108,11 @@ pub fn derive_with(source: &Source, from: BaseSource<'_>) -> Result<Robot, Deriv
     mechanism.closed()?;
     let few_enough_parameters = base::has_few_enough_parameters(&mechanism.model);
     match from {
-        BaseSource::Skip => return Ok(mechanism.robot(&functions_without_base())?),
+        BaseSource::Skip => {
+            let mut functions = mechanism.functions();
+            functions.retain(|kind| kind.signature().needs != Needs::Base);
+            return Ok(mechanism.robot(&functions)?);
+        }
         BaseSource::Store(Some(text)) if few_enough_parameters => {
             mechanism.load_base(text).map_err(DeriveError::Store)?;
         }
@@ -117,12 +123,12 @@ pub fn derive_with(source: &Source, from: BaseSource<'_>) -> Result<Robot, Deriv
         }
         BaseSource::Store(_) | BaseSource::Derivation => {}
     }
-    Ok(mechanism.robot(&FunctionKind::ALL)?)
+    Ok(mechanism.robot(&mechanism.functions())?)
 }
 
-/// The kinds of all functions that do not need base parameters.
+/// The kinds of the functions that every robot has: those of the trait `Model`.
 pub fn functions_without_base() -> Vec<FunctionKind> {
     let all = FunctionKind::ALL.into_iter();
-    all.filter(|kind| kind.signature().needs != Needs::Base)
+    all.filter(|kind| kind.signature().of == Trait::Model)
         .collect()
 }

@@ -1,6 +1,6 @@
 //! The rows of the function table, in the order in which functions are emitted.
 
-use super::{Argument, Layout, Needs, Passing, Shape, Signature, Size};
+use super::{Argument, Layout, Needs, Passing, Shape, Signature, Size, Trait};
 
 const fn by_rows(rows: Size, columns: Size) -> Shape {
     Shape::Matrix {
@@ -62,6 +62,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: false,
         needs: Needs::Rows,
+        of: Trait::Model,
     }
     Jacobian {
         formula: "The Jacobian A = df/dq (Eq. 7).",
@@ -73,6 +74,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: false,
         needs: Needs::Rows,
+        of: Trait::Model,
     }
     Bias {
         formula: "The bias b = -(dA/dt) qd of A qdd = b (Eq. 7).",
@@ -84,6 +86,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: false,
         needs: Needs::Rows,
+        of: Trait::Model,
     }
     NewtonStep {
         formula: "The Newton step of the dependent coordinates, A_e dq_e = -f.",
@@ -95,6 +98,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Dependent,
+        of: Trait::Model,
     }
     DependentJacobian {
         formula: "The square A_e (Eq. 8).",
@@ -106,6 +110,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: false,
         needs: Needs::Dependent,
+        of: Trait::Model,
     }
     Velocities {
         formula: "All velocities from the independent ones: A_e qd_e = -A_i qd_i (Eq. 8).",
@@ -117,6 +122,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     Accelerations {
         formula: "All accelerations from the independent ones: A_e qdd_e = b - A_i qdd_i (Eq. 8).",
@@ -128,6 +134,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     Regressor {
         formula: "The regressor K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20).",
@@ -139,6 +146,7 @@ functions! {
         passing: Passing::Written,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     InverseDynamics {
         formula: "Inverse dynamics: the regressor times `phi`, without forming it.",
@@ -150,6 +158,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     Gravity {
         formula: "The efforts of gravity.",
@@ -161,6 +170,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     BiasForces {
         formula: "Coriolis, centrifugal and friction efforts.",
@@ -172,6 +182,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     MassMatrix {
         formula: "The mass matrix over the independent coordinates.",
@@ -183,6 +194,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     AdaptiveRegressor {
         formula: "The regressor Y(q, qd, qd_r, qdd_r) of passivity-based adaptive control (Slotine and Li, 1987).",
@@ -194,6 +206,7 @@ functions! {
         passing: Passing::Written,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     GeneralizedForces {
         formula: "The left side of Eq. 10 from the actuated efforts.",
@@ -205,6 +218,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     Poses {
         formula: "Where the bodies are.",
@@ -216,6 +230,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: false,
         needs: Needs::Nothing,
+        of: Trait::Model,
     }
     Cones {
         formula: "The cosines of the angles that cones limit.",
@@ -227,6 +242,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: false,
         needs: Needs::Cones,
+        of: Trait::Model,
     }
     BaseRegressor {
         formula: "The reduced regressor W_red (Eq. 23): only the columns that are kept.",
@@ -238,6 +254,7 @@ functions! {
         passing: Passing::Written,
         has_condition: true,
         needs: Needs::Base,
+        of: Trait::BaseModel,
     }
     ToBase {
         formula: "The base parameters of given parameters.",
@@ -249,6 +266,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: false,
         needs: Needs::Base,
+        of: Trait::BaseModel,
     }
     FromBase {
         formula: "Parameters with given base parameters; all of them, as `free` takes all values.",
@@ -260,6 +278,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: false,
         needs: Needs::Base,
+        of: Trait::BaseModel,
     }
     BaseInverseDynamics {
         formula: "Inverse dynamics from base parameters.",
@@ -271,6 +290,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Base,
+        of: Trait::BaseModel,
     }
     BaseGravity {
         formula: "The efforts of gravity from base parameters.",
@@ -282,6 +302,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Base,
+        of: Trait::BaseModel,
     }
     BaseBiasForces {
         formula: "Coriolis, centrifugal and friction efforts from base parameters.",
@@ -293,6 +314,7 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Base,
+        of: Trait::BaseModel,
     }
     BaseMassMatrix {
         formula: "The mass matrix from base parameters.",
@@ -304,5 +326,102 @@ functions! {
         passing: Passing::Returned,
         has_condition: true,
         needs: Needs::Base,
+        of: Trait::BaseModel,
+    }
+    Momentum {
+        formula: "The generalised momentum p = M(q) qd_i, the gradient of the kinetic energy by qd_i.",
+        name: "momentum",
+        arguments: &[Argument::Q, Argument::Qd, Argument::Phi],
+        output: "p",
+        shape: Shape::Vector(Size::Independent),
+        output_doc: "p = M qd_i, kg m^2/s or kg m/s, in the order of `INDEPENDENT`; rotors included",
+        passing: Passing::Returned,
+        has_condition: true,
+        needs: Needs::Nothing,
+        of: Trait::ControlModel,
+    }
+    MomentumRate {
+        formula: "The part of dp/dt that needs no acceleration: dp/dt = tau + r, r = C^T qd_i less gravity, friction, offsets, springs and effort terms.",
+        name: "momentum_rate",
+        arguments: &[Argument::Q, Argument::Qd, Argument::Phi],
+        output: "r",
+        shape: Shape::Vector(Size::Independent),
+        output_doc: "r = dp/dt - tau, N m or N, in the order of `INDEPENDENT`",
+        passing: Passing::Returned,
+        has_condition: true,
+        needs: Needs::Nothing,
+        of: Trait::ControlModel,
+    }
+    MomentumRegressor {
+        formula: "The regressor Y_p of the generalised momentum, p = Y_p phi.",
+        name: "momentum_regressor",
+        arguments: &[Argument::Q, Argument::Qd],
+        output: "w",
+        shape: by_columns(Size::Independent, Size::Parameters),
+        output_doc: "column by column: `w[c][r]` multiplies `PARAMETERS[c]` in p of `INDEPENDENT[r]`",
+        passing: Passing::Written,
+        has_condition: true,
+        needs: Needs::Nothing,
+        of: Trait::ControlModel,
+    }
+    MomentumRateRegressor {
+        formula: "The regressor Y_r of the momentum's rate: d/dt(Y_p phi) - Y_r phi = tau.",
+        name: "momentum_rate_regressor",
+        arguments: &[Argument::Q, Argument::Qd],
+        output: "w",
+        shape: by_columns(Size::Independent, Size::Parameters),
+        output_doc: "column by column: `w[c][r]` multiplies `PARAMETERS[c]` in r of `INDEPENDENT[r]`",
+        passing: Passing::Written,
+        has_condition: true,
+        needs: Needs::Nothing,
+        of: Trait::ControlModel,
+    }
+    CoriolisMatrix {
+        formula: "The matrix C(q, qd) of Christoffel symbols: C qd_i are the Coriolis and centrifugal efforts, and dM/dt - 2 C is skew-symmetric.",
+        name: "coriolis_matrix",
+        arguments: &[Argument::Q, Argument::Qd, Argument::Phi],
+        output: "c",
+        shape: by_rows(Size::Independent, Size::Independent),
+        output_doc: "C(q, qd), row by row, in the order of `INDEPENDENT`",
+        passing: Passing::Returned,
+        has_condition: true,
+        needs: Needs::Nothing,
+        of: Trait::ControlModel,
+    }
+    ForwardDynamics {
+        formula: "Forward dynamics: the accelerations of the independent coordinates that efforts cause.",
+        name: "forward_dynamics",
+        arguments: &[Argument::Q, Argument::Qd, Argument::TauI, Argument::Phi],
+        output: "qdd_i",
+        shape: Shape::Vector(Size::Independent),
+        output_doc: "qdd_i with M qdd_i + C qd_i + gravity, friction and others = tau_i, in the order of `INDEPENDENT`",
+        passing: Passing::Returned,
+        has_condition: true,
+        needs: Needs::Nothing,
+        of: Trait::ControlModel,
+    }
+    InverseDynamicsDerivatives {
+        formula: "The derivatives of the inverse dynamics by the independent coordinates and velocities, along the closure.",
+        name: "inverse_dynamics_derivatives",
+        arguments: &[Argument::Q, Argument::Qd, Argument::Qdd, Argument::Phi],
+        output: "slopes",
+        shape: by_columns(Size::Independent, Size::State),
+        output_doc: "column by column: the derivatives of tau_i by q_i, then those by qd_i, each in the order of `INDEPENDENT`",
+        passing: Passing::Written,
+        has_condition: true,
+        needs: Needs::Nothing,
+        of: Trait::ControlModel,
+    }
+    ForwardDynamicsDerivatives {
+        formula: "The derivatives of the forward dynamics by the independent coordinates, velocities and efforts, along the closure.",
+        name: "forward_dynamics_derivatives",
+        arguments: &[Argument::Q, Argument::Qd, Argument::TauI, Argument::Phi],
+        output: "slopes",
+        shape: by_columns(Size::Independent, Size::StateEfforts),
+        output_doc: "column by column: the derivatives of qdd_i by q_i, by qd_i and by tau_i, each in the order of `INDEPENDENT`",
+        passing: Passing::Written,
+        has_condition: true,
+        needs: Needs::Nothing,
+        of: Trait::ControlModel,
     }
 }

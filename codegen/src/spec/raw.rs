@@ -68,6 +68,8 @@ record! {
         optional bodies: Ordered<LabelKey, RawInertia>,
         /// Choices about the base parameters; they never change the parameters or the regressor
         optional base: RawBase,
+        /// Whether generated sources have the functions of controllers and optimisers too: momentum, Coriolis matrix, forward dynamics, derivatives
+        default control: Flag = "false",
     }
 }
 

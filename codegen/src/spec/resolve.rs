@@ -78,6 +78,7 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
         home_span: raw.home.as_ref().map(|home| home.span),
         bodies: bodies?,
         base: base?,
+        control: raw.control.value,
     };
     drives::add(drives?, &mut spec);
     resolver.check_home_of_drives(&spec);

@@ -117,6 +117,8 @@ pub struct Spec {
     pub bodies: Vec<(Spanned<String>, BodyInertia)>,
     /// Choices about the base parameters.
     pub base: BaseChoices,
+    /// Whether generated sources have the functions of controllers and optimisers.
+    pub control: bool,
 }
 
 impl Spec {

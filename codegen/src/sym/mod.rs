@@ -9,6 +9,7 @@ pub mod print;
 mod simplify;
 mod surd;
 mod tally;
+mod tangent;
 mod vector;
 
 pub use angle::{Angle, AngleId};

@@ -1,12 +1,11 @@
 //! Comparison of a robot's functions with each other: each quantity is computed in two ways at
 //! random closed states.
 
-use regen_codegen::robot::Robot;
+use regen_codegen::robot::{FunctionKind, Robot};
 use regen_interpreted::Interpreted;
 use regen_reference::{Random, State};
 use regen_runtime::{LoopClosure, Model, Parameter, SizeError, Symbol};
 
-use crate::base_identities;
 use crate::check::{Identities, Report};
 use crate::error::VerifyError;
 use crate::states::{Reach, SEED, closed_state};
@@ -14,6 +13,7 @@ use crate::vector::{
     derivative_at_zero, dot, fill, larger, max_abs, mul_column_major, mul_row_major,
     relative_difference,
 };
+use crate::{base_identities, control_identities};
 
 /// Number of closed states.
 const STATES: usize = 8;
@@ -22,7 +22,7 @@ const STATES: usize = 8;
 pub(crate) const ROUNDING_BOUND: f64 = 1e-9;
 /// Largest error of comparisons with finite differences, relative to the larger side: epsilon over
 /// the step of the differences is some 1e-12, with six digits left for terms that cancel.
-const DIFFERENCE_BOUND: f64 = 1e-6;
+pub(crate) const DIFFERENCE_BOUND: f64 = 1e-6;
 
 /// Checks a robot's functions against each other; the errors of the identities are relative.
 ///
@@ -47,6 +47,9 @@ pub fn identities(robot: &Robot) -> Result<Report, VerifyError> {
         }
         checked_state.dynamics(&mut all, &mut random)?;
         checked_state.energy(&mut all, &mut random)?;
+        if robot.function(FunctionKind::Momentum).is_some() {
+            control_identities::check(&checked_state, &mut all, &mut random)?;
+        }
         // the identities of base parameters need base parameters
         let analysis = robot.analysis.as_ref();
         if let Some(analysis) = analysis.filter(|a| a.base.rank() > 0) {
@@ -67,7 +70,7 @@ pub(crate) struct CheckedState<'a> {
     index: usize,
     pub(crate) state: &'a State,
     /// The dynamic parameters, random numbers in the order of `Info::parameters`.
-    phi: &'a [f64],
+    pub(crate) phi: &'a [f64],
 }
 
 impl CheckedState<'_> {
@@ -259,20 +262,15 @@ impl CheckedState<'_> {
         Ok(())
     }
 
-    fn energy(&self, all: &mut Identities, random: &mut Random) -> Result<(), SizeError> {
-        let State { q, qd, .. } = self.state;
-        let model = self.model;
-        let info = model.info();
-        let dof = info.dof();
-        let qd_i = self.independent(qd);
+    /// The parameters without those that belong to no energy: friction and effort terms.
+    pub(crate) fn with_energy(&self) -> Vec<f64> {
         // Friction and effort terms take power that no energy contains.
         let without_energy = |parameter: &Parameter<'_>| {
             parameter.is_friction() || matches!(parameter.symbol, Symbol::Term(_))
         };
-        let phi: Vec<f64> = info
-            .parameters
-            .iter()
-            .zip(self.phi)
+        let info = self.model.info();
+        let parameters = info.parameters.iter().zip(self.phi);
+        parameters
             .map(|(parameter, &value)| {
                 if without_energy(parameter) {
                     0.0
@@ -280,7 +278,16 @@ impl CheckedState<'_> {
                     value
                 }
             })
-            .collect();
+            .collect()
+    }
+
+    fn energy(&self, all: &mut Identities, random: &mut Random) -> Result<(), SizeError> {
+        let State { q, qd, .. } = self.state;
+        let model = self.model;
+        let info = model.info();
+        let dof = info.dof();
+        let qd_i = self.independent(qd);
+        let phi = self.with_energy();
 
         let mass = |q: &[f64]| fill(dof * dof, |out| model.mass_matrix(q, &phi, out));
         let twice_kinetic = dot(&mul_row_major(&mass(q)?, &qd_i), &qd_i);
@@ -364,7 +371,7 @@ impl CheckedState<'_> {
     }
 
     /// The entries of the independent coordinates, out of one entry per coordinate.
-    fn independent(&self, all: &[f64]) -> Vec<f64> {
+    pub(crate) fn independent(&self, all: &[f64]) -> Vec<f64> {
         let indices = self.model.info().independent;
         indices
             .iter()
@@ -401,15 +408,15 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::expect_used)]
 
     use super::*;
+    use regen_codegen::Mechanism;
     use regen_codegen::diag::Source;
     use regen_codegen::optimize::Operand;
-    use regen_codegen::pipeline;
-    use regen_codegen::robot::FunctionKind;
 
     fn robot(file: &str) -> Robot {
         let path = format!("{}/../../robots/{file}", env!("CARGO_MANIFEST_DIR"));
         let text = std::fs::read_to_string(path).unwrap();
-        pipeline::derive(&Source::new(file, text)).unwrap()
+        let mechanism = Mechanism::open(&Source::new(file, text)).unwrap();
+        mechanism.robot(&FunctionKind::ALL).unwrap()
     }
 
     fn passes(robot: &Robot) -> bool {

@@ -30,6 +30,7 @@
 
 mod base_identities;
 mod check;
+mod control_identities;
 mod error;
 mod identities;
 mod independent;

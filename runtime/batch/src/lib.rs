@@ -30,7 +30,7 @@ pub use closure::{TrackedStates, TrajectoryClosure};
 pub use lane::{Lane, LaneMask};
 pub use predicted::PredictedClosure;
 pub use sines::sin_cos_portable;
-pub use states::{eval_base_many, eval_many};
+pub use states::{eval_base_many, eval_control_many, eval_many};
 
 /// States of a model with N coordinates, one series per coordinate; consecutive samples fill the
 /// lanes of a register.

@@ -1,7 +1,10 @@
 //! Functions of any model at many states in one call.
 
 use regen_runtime::function::{Argument, Signature};
-use regen_runtime::{Arguments, BaseFunction, BaseModel, Condition, Function, Model, SizeError};
+use regen_runtime::{
+    Arguments, BaseFunction, BaseModel, Condition, ControlFunction, ControlModel, Function, Model,
+    SizeError,
+};
 
 /// Computes a function at `count` states: at once if the model can
 /// ([`Model::many`]), else one after the other. Arguments and output are stored as
@@ -63,6 +66,27 @@ pub fn eval_base_many<M: BaseModel<f64> + ?Sized>(
     }
     let each =
         |arguments: Arguments<'_, f64>, out: &mut [f64]| model.eval_base(function, arguments, out);
+    one_by_one(function.signature(), count, arguments, out, pivots, each)
+}
+
+/// As [`eval_many`] for a function for controllers.
+///
+/// # Errors
+/// When a length does not fit.
+pub fn eval_control_many<M: ControlModel<f64> + ?Sized>(
+    model: &M,
+    function: ControlFunction,
+    count: usize,
+    arguments: Arguments<'_, f64>,
+    out: &mut [f64],
+    pivots: &mut [f64],
+) -> Result<(), SizeError> {
+    if let Some(many) = model.many() {
+        return many.eval_control_many(function, count, arguments, out, pivots);
+    }
+    let each = |arguments: Arguments<'_, f64>, out: &mut [f64]| {
+        model.eval_control(function, arguments, out)
+    };
     one_by_one(function.signature(), count, arguments, out, pivots, each)
 }
 

@@ -93,6 +93,8 @@ arguments! {
     QdRI, qd_r_i: Independent;
     /// The reference accelerations of the independent coordinates, rad/s^2 or m/s^2.
     QddRI, qdd_r_i: Independent;
+    /// The efforts of the independent coordinates, N m or N.
+    TauI, tau_i: Independent;
     /// The dynamic parameters, SI units.
     Phi, phi: Parameters;
     /// The efforts of the actuated coordinates, N m or N.

@@ -107,3 +107,23 @@ functions! {
             -> by_rows(Size::Independent, Size::Independent), CONDITION;
     }
 }
+
+functions! {
+    /// A function of every [`ControlModel`](crate::ControlModel).
+    ControlFunction of ControlModel {
+        Momentum = momentum(Q, Qd, Phi) -> Shape::Vector(Size::Independent), CONDITION;
+        MomentumRate = momentum_rate(Q, Qd, Phi) -> Shape::Vector(Size::Independent), CONDITION;
+        MomentumRegressor = momentum_regressor(Q, Qd)
+            -> by_columns(Size::Independent, Size::Parameters), CONDITION;
+        MomentumRateRegressor = momentum_rate_regressor(Q, Qd)
+            -> by_columns(Size::Independent, Size::Parameters), CONDITION;
+        CoriolisMatrix = coriolis_matrix(Q, Qd, Phi)
+            -> by_rows(Size::Independent, Size::Independent), CONDITION;
+        ForwardDynamics = forward_dynamics(Q, Qd, TauI, Phi)
+            -> Shape::Vector(Size::Independent), CONDITION;
+        InverseDynamicsDerivatives = inverse_dynamics_derivatives(Q, Qd, Qdd, Phi)
+            -> by_columns(Size::Independent, Size::State), CONDITION;
+        ForwardDynamicsDerivatives = forward_dynamics_derivatives(Q, Qd, TauI, Phi)
+            -> by_columns(Size::Independent, Size::StateEfforts), CONDITION;
+    }
+}

@@ -9,7 +9,7 @@ pub mod fixtures;
 
 pub use regen_generated::{delta, fivebar, fourbar, puma560, rps3, rps3_friction};
 #[cfg(feature = "all")]
-use regen_runtime::BaseModel;
+use regen_runtime::{BaseModel, ControlModel};
 
 #[cfg(feature = "derived")]
 mod derived;
@@ -19,6 +19,15 @@ pub use derived::*;
 /// A robot for `f64`.
 #[cfg(feature = "all")]
 pub type Robot = &'static (dyn BaseModel<f64> + Sync);
+
+/// A robot with the functions of controllers for `f64`.
+#[cfg(feature = "all")]
+pub type Controlled = &'static (dyn ControlModel<f64> + Sync);
+
+/// The robots whose descriptions ask for the functions of controllers.
+#[cfg(feature = "all")]
+pub static CONTROLLED: &[(&str, Controlled)] =
+    &[("fivebar", &fivebar::Fivebar), ("scara", &scara::Scara)];
 
 /// All robots with the names of their files in `robots/`. Their functions are compiled here, so
 /// that no test compiles them again.

@@ -118,6 +118,8 @@ impl Names {
             Size::Bodies => self.bodies.len(),
             Size::Cones => self.cones.len(),
             Size::Pose => 12,
+            Size::State => 2 * self.independent.len(),
+            Size::StateEfforts => 3 * self.independent.len(),
         }
     }
 }

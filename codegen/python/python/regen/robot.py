@@ -276,6 +276,60 @@ class Robot:
         """The mass matrix of the independent coordinates; shape (..., dof, dof), SI."""
         return self._with_parameters("mass_matrix", phi, beta, q=q)
 
+    def momentum(self, q: ArrayLike, qd: ArrayLike, phi: ArrayLike | None = None) -> Array:
+        """The generalised momentum ``mass_matrix @ qd_i``, kg m^2/s or kg m/s; shape (..., dof).
+
+        This and the methods up to :meth:`forward_dynamics_derivatives` take states that close the
+        loops, all coordinates and velocities of shape (..., n), and the parameters ``phi`` of
+        shape (p,), nominal values where they are not given.
+        """
+        return self._with_parameters("momentum", phi, None, q=q, qd=qd)
+
+    def momentum_rate(self, q: ArrayLike, qd: ArrayLike, phi: ArrayLike | None = None) -> Array:
+        """The momentum's rate less the efforts, N m or N; shape (..., dof).
+
+        It needs no acceleration: ``coriolis_matrix.T @ qd_i`` less gravity, friction and others.
+        """
+        return self._with_parameters("momentum_rate", phi, None, q=q, qd=qd)
+
+    def coriolis_matrix(self, q: ArrayLike, qd: ArrayLike, phi: ArrayLike | None = None) -> Array:
+        """The Coriolis matrix of the Christoffel symbols; shape (..., dof, dof), SI.
+
+        The rate of the mass matrix less twice this matrix is skew-symmetric.
+        """
+        return self._with_parameters("coriolis_matrix", phi, None, q=q, qd=qd)
+
+    def forward_dynamics(
+        self, q: ArrayLike, qd: ArrayLike, tau_i: ArrayLike, phi: ArrayLike | None = None
+    ) -> Array:
+        """The accelerations of the independent coordinates, rad/s^2 or m/s^2; shape (..., dof).
+
+        ``tau_i``: their efforts, N m or N, shape (..., dof).
+        """
+        return self._with_parameters("forward_dynamics", phi, None, q=q, qd=qd, tau_i=tau_i)
+
+    def inverse_dynamics_derivatives(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, phi: ArrayLike | None = None
+    ) -> Array:
+        """The derivatives of the inverse dynamics; shape (..., dof, 2 dof), SI.
+
+        By the independent coordinates, then by their velocities, the others following along the
+        closure. Those by their accelerations are the mass matrix.
+        """
+        arguments = {"q": q, "qd": qd, "qdd": qdd}
+        return self._with_parameters("inverse_dynamics_derivatives", phi, None, **arguments)
+
+    def forward_dynamics_derivatives(
+        self, q: ArrayLike, qd: ArrayLike, tau_i: ArrayLike, phi: ArrayLike | None = None
+    ) -> Array:
+        """The derivatives of the forward dynamics; shape (..., dof, 3 dof), SI.
+
+        By the independent coordinates, by their velocities and by their efforts ``tau_i``, the
+        others following along the closure.
+        """
+        arguments = {"q": q, "qd": qd, "tau_i": tau_i}
+        return self._with_parameters("forward_dynamics_derivatives", phi, None, **arguments)
+
     def to_base(self, phi: ArrayLike | None = None) -> Array:
         """The base parameters of parameters ``phi`` (p,), by default nominal ones; shape (rank,)."""
         return self.evaluate("to_base", phi=self.nominal if phi is None else phi)

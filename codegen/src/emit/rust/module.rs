@@ -93,6 +93,7 @@ pub fn module(robot: &Robot, options: &Options) -> String {
 fn imports(robot: &Robot, name: &str) -> bool {
     let mut joints = robot.joints.iter();
     match name {
+        "ControlFunction" | "ControlModel" => trait_impl::has_control(robot),
         "Cut" => !robot.cuts.is_empty(),
         "Friction" => joints.any(|j| j.friction_name() != "None"),
         "Limits" => joints.any(|j| j.limits.iter().any(Option::is_some)),

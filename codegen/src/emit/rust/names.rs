@@ -90,9 +90,11 @@ fn is_taken(name: &str) -> bool {
 }
 
 /// Names that modules import from the runtime; each module imports those that it uses.
-pub(super) const IMPORTS: [&str; 14] = [
+pub(super) const IMPORTS: [&str; 16] = [
     "Arguments",
     "Condition",
+    "ControlFunction",
+    "ControlModel",
     "SwingLimit",
     "Cut",
     "Friction",

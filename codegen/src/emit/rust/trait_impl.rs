@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use crate::robot::{Function, Robot};
-use crate::signature::{Argument, FunctionKind, Needs, Passing};
+use crate::signature::{Argument, FunctionKind, Passing, Trait};
 
 use super::super::elements::base_of;
 use super::module::Options;
@@ -21,15 +21,20 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
     let _ = writeln!(out, "    fn info(&self) -> Info<'_> {{");
     let _ = writeln!(out, "        INFO");
     let _ = writeln!(out, "    }}");
-    eval(
-        robot,
-        "eval",
-        "Function",
-        |needs| needs != Needs::Base,
-        runtime,
-        out,
-    );
+    eval(robot, "eval", "Function", Trait::Model, runtime, out);
     let _ = writeln!(out, "}}");
+    if has_control(robot) {
+        let _ = writeln!(out, "\nimpl<T: Scalar> ControlModel<T> for {name} {{");
+        eval(
+            robot,
+            "eval_control",
+            "ControlFunction",
+            Trait::ControlModel,
+            runtime,
+            out,
+        );
+        let _ = writeln!(out, "}}");
+    }
     let Some(analysis) = base_of(robot) else {
         return;
     };
@@ -47,7 +52,7 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
         robot,
         "eval_base",
         "BaseFunction",
-        |needs| needs == Needs::Base,
+        Trait::BaseModel,
         runtime,
         out,
     );
@@ -55,6 +60,12 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
     if let Some(function) = robot.function(FunctionKind::BaseRegressor) {
         kernel(robot, function, &name, out);
     }
+}
+
+/// Whether the robot has functions for controllers.
+pub(super) fn has_control(robot: &Robot) -> bool {
+    let mut functions = robot.functions.iter();
+    functions.any(|function| function.kind.signature().of == Trait::ControlModel)
 }
 
 /// Emits `BaseKernel`: the base regressor over arrays, for samples in SIMD lanes.
@@ -78,14 +89,7 @@ fn kernel(robot: &Robot, function: &Function, name: &str, out: &mut String) {
 ///
 /// The method is inlined everywhere, so that a named method, which passes a constant, compiles to
 /// the call in one arm.
-fn eval(
-    robot: &Robot,
-    method: &str,
-    functions: &str,
-    has: impl Fn(Needs) -> bool,
-    runtime: &str,
-    out: &mut String,
-) {
+fn eval(robot: &Robot, method: &str, functions: &str, of: Trait, runtime: &str, out: &mut String) {
     let _ = writeln!(out, "\n    #[inline(always)]");
     let _ = writeln!(
         out,
@@ -93,7 +97,7 @@ fn eval(
     );
     let _ = writeln!(out, "        match function {{");
     let kinds = FunctionKind::ALL.into_iter();
-    for kind in kinds.filter(|kind| has(kind.signature().needs)) {
+    for kind in kinds.filter(|kind| kind.signature().of == of) {
         let _ = writeln!(out, "            {functions}::{kind:?} => {{");
         match robot.function(kind) {
             Some(function) => emit_call(function, runtime, out),

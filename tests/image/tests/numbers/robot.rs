@@ -96,6 +96,7 @@ impl Inputs {
             Argument::Beta => &self.beta,
             Argument::Free => &self.free,
             Argument::TauActuated => &self.tau,
+            Argument::TauI => &self.qd_i,
         }
     }
 }
