@@ -508,6 +508,7 @@ fn without_functions(spec: &Spec, model: &Model, at_home: &AtHome) -> Robot {
         actuated: model.actuated.clone(),
         parameters: model.parameters.clone(),
         bodies: model.bodies.iter().map(|b| b.label.clone()).collect(),
+        frames: model.frames.iter().map(|f| f.name.clone()).collect(),
         payloads: model.payloads.clone(),
         rows: model.rows(),
         cuts: cuts.collect(),

@@ -88,6 +88,8 @@ pub struct Robot {
     pub parameters: Vec<Parameter>,
     /// Labels of the bodies, in order.
     pub bodies: Vec<String>,
+    /// Names of the frames that the spec names, in order.
+    pub frames: Vec<String>,
     /// The indices of the bodies that are payloads, whose base parameters are separate from the
     /// robot's.
     pub payloads: Vec<usize>,
@@ -181,6 +183,8 @@ impl Robot {
             Size::Base => base().map(Base::rank).sum(),
             Size::Free => base().map(|base| base.null.len()).sum(),
             Size::Pose => 12,
+            Size::Frames => self.frames.len(),
+            Size::FrameRates => 6 * self.frames.len(),
             Size::State => 2 * self.independent.len(),
             Size::StateEfforts => 3 * self.independent.len(),
         }

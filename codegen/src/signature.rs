@@ -30,6 +30,10 @@ pub enum Size {
     Free,
     /// The twelve numbers of a pose: a rotation matrix row by row, then a position, m.
     Pose,
+    /// The named frames.
+    Frames,
+    /// Six for each named frame: the velocity of its origin, then its angular velocity.
+    FrameRates,
     /// The independent coordinates, then their velocities.
     State,
     /// The independent coordinates, then their velocities, then their efforts.
@@ -91,6 +95,8 @@ pub enum Needs {
     Dependent,
     /// Swing limits of joints or cuts.
     Cones,
+    /// Named frames.
+    Frames,
     /// Base parameters.
     Base,
 }

@@ -145,6 +145,7 @@ pub const INFO: Info<'static> = Info {
     parameters: &PARAMETERS,
     bodies: &BODIES,
     cuts: &[Cut { name: "e2", rows: 4 }, Cut { name: "e3", rows: 4 }],
+    frames: &[],
     home: &HOME,
     gravity: [0.0, 0.0, -9.81],
     rows: 8,

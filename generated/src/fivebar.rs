@@ -46,6 +46,9 @@
 //! | [`forward_dynamics`] | 75 | 122 | 4 | 4 |
 //! | [`inverse_dynamics_derivatives`] | 164 | 283 | 1 | 4 |
 //! | [`forward_dynamics_derivatives`] | 231 | 370 | 4 | 4 |
+//! | [`frame_pose`] | 3 | 4 | 0 | 2 |
+//! | [`frame_jacobian`] | 13 | 28 | 1 | 4 |
+//! | [`frame_jacobian_rate`] | 17 | 32 | 1 | 4 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -90,6 +93,10 @@ pub const PARAMETERS: [Parameter<'static>; 40] = [
 pub const BODIES: [&str; 4] = [
     "1", "2", "3", "4",
 ];
+/// Names of the frames.
+pub const FRAMES: [&str; 1] = [
+    "tip",
+];
 /// The home configuration, closed; it picks the assembly branch.
 pub const HOME: [f64; 4] = [
     2.0, -1.0550411011636618, 1.1, 1.0730863484052808,
@@ -124,6 +131,7 @@ pub const INFO: Info<'static> = Info {
     parameters: &PARAMETERS,
     bodies: &BODIES,
     cuts: &[Cut { name: "tip", rows: 5 }],
+    frames: &FRAMES,
     home: &HOME,
     gravity: [0.0, 0.0, -9.81],
     rows: 5,
@@ -4936,6 +4944,242 @@ pub fn forward_dynamics_derivatives_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], 
     Condition { pivot: condition }
 }
 
+/// Where the named frames are.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `poses`: per frame in the order of `FRAMES`: rotation to the world frame, row by row, then the origin in the world, m
+///
+/// 3 additions, 4 multiplications, 0 divisions, 2 sines and cosines.
+pub fn frame_pose<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 1] {
+    let proto = q[0];
+    let mut poses = [[proto.splat(0.0); 12]; 1];
+    let [q1, q2, _, _] = *q;
+    // sines and cosines
+    let [sin_q1_q2, cos_q1_q2, sin_q1, cos_q1] = {
+        let t1_1 = q2 + q1;
+        let [(sin_q1_q2, cos_q1_q2), (sin_q1, cos_q1)] =
+            T::sin_cos_all([t1_1, q1]);
+        [sin_q1_q2, cos_q1_q2, sin_q1, cos_q1]
+    };
+    // frame tip
+    {
+        poses[0][0] = cos_q1_q2; poses[0][5] = proto.splat(-1.0); poses[0][6] = sin_q1_q2; poses[0][7] = cos_q1_q2;
+        let t2_1 = proto.splat(0.4) * cos_q1_q2;
+        let t2_2 = proto.splat(0.3).mul_add(cos_q1, t2_1);
+        poses[0][9] = t2_2;
+        let t2_3 = proto.splat(0.4) * sin_q1_q2;
+        let t2_4 = proto.splat(0.3).mul_add(sin_q1, t2_3);
+        poses[0][11] = t2_4;
+        let t2_5 = -sin_q1_q2;
+        poses[0][1] = t2_5;
+    }
+    poses
+}
+
+/// The Jacobians of the named frames by the independent velocities, along the closure.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `jacobian`: row by row: per frame in the order of `FRAMES` the velocity of its origin, m/s, then its angular velocity, rad/s, both in the axes of the world, per unit of each of `INDEPENDENT`
+///
+/// 13 additions, 28 multiplications, 1 divisions, 4 sines and cosines.
+pub fn frame_jacobian<T: Scalar>(q: &[T; 4]) -> ([[T; 2]; 6], Condition<T>) {
+    let proto = q[0];
+    let mut jacobian = [[proto.splat(0.0); 2]; 6];
+    let mut condition = Condition::of_state(proto, &[q]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
+        cos_q1_q2_minus_q3_minus_q4, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let t1_3 = t1_2 - q4;
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2),
+            (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4),
+            (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3),
+        ] =
+            T::sin_cos_all([q1, q2, t1_3, t1_2]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
+            cos_q1_q2_minus_q3_minus_q4, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+        ]
+    };
+    // loops: solve with A_e (Eq. 8, 10)
+    let [sin_q1_q2, cos_q1_q2, t2_4, t2_5, x_q2_q1, x_q2_q3] = {
+        let t2_1 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
+        let t2_2 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let t2_3 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t2_4 = proto.splat(0.3) * sin_q1;
+        let t2_5 = proto.splat(0.3) * cos_q1;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_6 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_7 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_8 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_9 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_8);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
+        let t2_10 = -u_2_q1x;
+        let t2_11 = sin_q2 * t2_7;
+        let t2_12 = t2_6 * t2_7;
+        let t2_13 = -t2_3;
+        let t2_14 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_15 = (-t2_14).mul_add(t2_11, t2_3);
+        let t2_16 = proto.splat(2.5) * t2_15;
+        let t2_17 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_12, t2_9);
+        let t2_18 = proto.splat(2.5) * t2_17;
+        let t2_19 = -t2_18;
+        let t2_20 = proto.splat(0.75) * t2_11;
+        let t2_21 = -t2_20;
+        let t2_22 = proto.splat(2.5) * t2_12;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [_, _]], found) = ::regen_runtime::solve_guarded(
+            [[t2_16, t2_19], [t2_21, t2_22]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_8],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [
+                    [t2_10, t2_6], [t2_13, t2_9], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                ],
+            ),
+        );
+        condition = condition.min(found);
+        [sin_q1_q2, cos_q1_q2, t2_4, t2_5, x_q2_q1, x_q2_q3]
+    };
+    // frame tip
+    {
+        jacobian[4][1] = x_q2_q3;
+        let t3_1 = proto.splat(1.0) - x_q2_q1;
+        let t3_2 = proto.splat(0.4) * x_q2_q3;
+        let t3_3 = sin_q1_q2 * t3_2;
+        jacobian[0][1] = t3_3;
+        let t3_4 = cos_q1_q2 * t3_2;
+        let t3_5 = -t3_4;
+        jacobian[2][1] = t3_5;
+        let t3_6 = sin_q1_q2 * t3_1;
+        let t3_7 = -t3_6;
+        let t3_8 = proto.splat(-0.4).mul_add(t3_7, t2_4);
+        let t3_9 = -t3_8;
+        jacobian[0][0] = t3_9;
+        let t3_10 = cos_q1_q2 * t3_1;
+        let t3_11 = -t3_10;
+        let t3_12 = proto.splat(-0.4).mul_add(t3_11, t2_5);
+        jacobian[2][0] = t3_12;
+        let t3_13 = -t3_1;
+        jacobian[4][0] = t3_13;
+    }
+    (jacobian, Condition { pivot: condition })
+}
+
+/// The product of the rate of the frames' Jacobians and the independent velocities.
+///
+/// - `q`: coordinates, rad or m, in the order of `COORDINATES`
+/// - `qd`: velocities of all coordinates
+/// - `bias`: dJ/dt qd_i: the accelerations of the frames at qdd_i = 0, in the order of the rows of `frame_jacobian`, m/s^2 and rad/s^2
+///
+/// 17 additions, 32 multiplications, 1 divisions, 4 sines and cosines.
+pub fn frame_jacobian_rate<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> ([T; 6], Condition<T>) {
+    let proto = q[0];
+    let mut bias = [proto.splat(0.0); 6];
+    let mut condition = Condition::of_state(proto, &[q, qd]).pivot;
+    let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [
+        sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
+        cos_q1_q2_minus_q3_minus_q4, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+    ] = {
+        let t1_1 = q2 + q1;
+        let t1_2 = t1_1 - q3;
+        let t1_3 = t1_2 - q4;
+        let [
+            (sin_q1, cos_q1), (sin_q2, cos_q2),
+            (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4),
+            (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3),
+        ] =
+            T::sin_cos_all([q1, q2, t1_3, t1_2]);
+        [
+            sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
+            cos_q1_q2_minus_q3_minus_q4, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+        ]
+    };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    // loops: solve with A_e (Eq. 8, 10)
+    let [t2_1, sin_q1_q2, cos_q1_q2, t2_9, t2_10, t2_27] = {
+        let w_2z = d_q1 + d_q2;
+        let t2_1 = w_2z * w_2z;
+        let t2_2 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_2);
+        let t2_3 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_3);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_4 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_5 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_6 = d_q1 * d_q1;
+        let t2_7 = cos_q2 * t2_6;
+        let t2_8 = sin_q2 * t2_6;
+        let t2_9 = proto.splat(0.3) * t2_6;
+        let t2_10 = sin_q1 * t2_9;
+        let t2_11 = d_q3 * d_q3;
+        let t2_12 = (-cos_q1_q2_minus_q3).mul_add(t2_11, t2_7);
+        let t2_13 = (-sin_q1_q2_minus_q3).mul_add(t2_11, t2_8);
+        let t2_14 = proto.splat(0.3) * t2_13;
+        let w_4z = d_q3 + d_q4;
+        let t2_15 = w_4z * w_4z;
+        let t2_16 = (-pivot_2).mul_add(t2_15, t2_14);
+        let t2_17 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_15, t2_1);
+        let t2_18 = proto.splat(0.4) * t2_17;
+        let t2_19 = proto.splat(0.3).mul_add(t2_12, t2_18);
+        let t2_20 = t2_4 * t2_19;
+        let t2_21 = -t2_19;
+        let t2_22 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_20, t2_16);
+        let t2_23 = proto.splat(2.5) * t2_22;
+        let t2_24 = -t2_23;
+        let t2_25 = proto.splat(2.5) * t2_20;
+        let t2_26 = -t2_25;
+        // the smallest pivot relative to its usual size
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t2_27], [_]], found) = ::regen_runtime::solve_guarded(
+            [[t2_24], [t2_26]],
+            margin,
+            || (
+                [
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_5],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
+                ],
+                [[t2_21], [t2_16], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
+            ),
+        );
+        condition = condition.min(found);
+        [t2_1, sin_q1_q2, cos_q1_q2, t2_9, t2_10, t2_27]
+    };
+    // frame tip
+    {
+        let t3_1 = -t2_27;
+        bias[4] = t3_1;
+        let t3_2 = sin_q1_q2 * t2_27;
+        let t3_3 = cos_q1_q2 * t2_27;
+        let t3_4 = (-sin_q1_q2).mul_add(t2_1, t3_3);
+        let t3_5 = cos_q1_q2.mul_add(t2_1, t3_2);
+        let t3_6 = proto.splat(-0.4).mul_add(t3_4, t2_10);
+        let t3_7 = proto.splat(0.4) * t3_5;
+        let t3_8 = cos_q1.mul_add(t2_9, t3_7);
+        let t3_9 = -t3_8;
+        bias[0] = t3_9;
+        let t3_10 = -t3_6;
+        bias[2] = t3_10;
+    }
+    (bias, Condition { pivot: condition })
+}
+
 /// The robot as a `Model`, over slices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fivebar;
@@ -5139,6 +5383,27 @@ impl<T: Scalar> ControlModel<T> for Fivebar {
                 let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
                 let out = ::regen_runtime::matrix_mut::<T, 6, 2>(out, "out")?;
                 Ok(forward_dynamics_derivatives(q, qd, tau_i, phi, out))
+            }
+            ControlFunction::FramePose => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let out = ::regen_runtime::matrix_mut::<T, 1, 12>(out, "out")?;
+                *out = frame_pose(q);
+                Ok(Condition::regular(q[0]))
+            }
+            ControlFunction::FrameJacobian => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let out = ::regen_runtime::matrix_mut::<T, 6, 2>(out, "out")?;
+                let (value, condition) = frame_jacobian(q);
+                *out = value;
+                Ok(condition)
+            }
+            ControlFunction::FrameJacobianRate => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let out = ::regen_runtime::array_mut::<T, 6>(out, "out")?;
+                let (value, condition) = frame_jacobian_rate(q, qd);
+                *out = value;
+                Ok(condition)
             }
         }
     }

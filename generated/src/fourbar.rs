@@ -109,6 +109,7 @@ pub const INFO: Info<'static> = Info {
     parameters: &PARAMETERS,
     bodies: &BODIES,
     cuts: &[Cut { name: "pin", rows: 5 }],
+    frames: &[],
     home: &HOME,
     gravity: [0.0, 0.0, -9.81],
     rows: 5,

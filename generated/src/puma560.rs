@@ -126,6 +126,7 @@ pub const INFO: Info<'static> = Info {
     parameters: &PARAMETERS,
     bodies: &BODIES,
     cuts: &[],
+    frames: &[],
     home: &HOME,
     gravity: [0.0, 0.0, -9.81],
     rows: 0,

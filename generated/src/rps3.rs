@@ -146,6 +146,7 @@ pub const INFO: Info<'static> = Info {
     parameters: &PARAMETERS,
     bodies: &BODIES,
     cuts: &[Cut { name: "s2", rows: 3 }, Cut { name: "s3", rows: 3 }],
+    frames: &[],
     home: &HOME,
     gravity: [0.0, 0.0, -9.81],
     rows: 6,

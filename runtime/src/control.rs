@@ -226,4 +226,60 @@ pub trait ControlModel<T: Scalar = f64>: Model<T> {
         };
         self.eval_control(ControlFunction::ForwardDynamicsDerivatives, arguments, out)
     }
+
+    /// The named frames in the world.
+    ///
+    /// - `q`: n; `out`: 12 per frame in `Info::frames` order: the rotation matrix row-major (the
+    ///   frame's axes are its columns), then the position of the origin in m.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    #[inline]
+    fn frame_pose(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let arguments = Arguments {
+            q,
+            ..Arguments::EMPTY
+        };
+        self.eval_control(ControlFunction::FramePose, arguments, out)
+            .map(drop)
+    }
+
+    /// The Jacobians J of the named frames along the closure: J qd_i are the velocity of a frame's
+    /// origin, m/s, and its angular velocity, rad/s, both in the axes of the world.
+    ///
+    /// - `q`: n; `out`: `6 * dof` per frame in `Info::frames` order, row-major.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    #[inline]
+    fn frame_jacobian(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let arguments = Arguments {
+            q,
+            ..Arguments::EMPTY
+        };
+        self.eval_control(ControlFunction::FrameJacobian, arguments, out)
+    }
+
+    /// The product of the rate of [`frame_jacobian`](ControlModel::frame_jacobian) and the
+    /// independent velocities: the accelerations of the frames are J qdd_i plus this, m/s^2 and
+    /// rad/s^2.
+    ///
+    /// - `q`, `qd`: n; `out`: 6 per frame in `Info::frames` order.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    #[inline]
+    fn frame_jacobian_rate(
+        &self,
+        q: &[T],
+        qd: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError> {
+        let arguments = Arguments {
+            q,
+            qd,
+            ..Arguments::EMPTY
+        };
+        self.eval_control(ControlFunction::FrameJacobianRate, arguments, out)
+    }
 }

@@ -33,6 +33,10 @@ pub enum Size {
     Free,
     /// The twelve numbers of a pose: a rotation matrix and a position.
     Pose,
+    /// The named frames.
+    Frames,
+    /// Six for each named frame: the velocity of its origin, then its angular velocity.
+    FrameRates,
     /// The independent coordinates, then their velocities: 2 dof.
     State,
     /// The independent coordinates, then their velocities, then their efforts: 3 dof.
@@ -125,6 +129,8 @@ pub struct Sizes {
     pub parameters: usize,
     /// The number of bodies.
     pub bodies: usize,
+    /// The number of named frames.
+    pub frames: usize,
     /// The number of swing limits of joints and cuts.
     pub cones: usize,
     /// The number of base parameters.
@@ -144,6 +150,7 @@ impl Sizes {
             rows: info.rows,
             parameters: info.parameters.len(),
             bodies: info.bodies.len(),
+            frames: info.frames.len(),
             cones: info.cones.len(),
             base: 0,
             free: 0,
@@ -174,6 +181,8 @@ impl Sizes {
             Size::Base => self.base,
             Size::Free => self.free,
             Size::Pose => 12,
+            Size::Frames => self.frames,
+            Size::FrameRates => 6 * self.frames,
             Size::State => 2 * self.independent,
             Size::StateEfforts => 3 * self.independent,
         }

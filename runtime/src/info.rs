@@ -110,6 +110,8 @@ pub struct Info<'a> {
     pub parameters: &'a [Parameter<'a>],
     /// The labels of the bodies, in the order of `poses`.
     pub bodies: &'a [&'a str],
+    /// The names of the frames, in the order of `frame_pose`.
+    pub frames: &'a [&'a str],
     /// The cuts, in the order of their constraint rows.
     pub cuts: &'a [Cut<'a>],
     /// A closed state (n, rad or m): every closure solve starts from it, and it selects the
@@ -195,6 +197,7 @@ impl Info<'static> {
         actuated: &[],
         parameters: &[],
         bodies: &[],
+        frames: &[],
         cuts: &[],
         home: &[],
         gravity: [0.0; 3],

@@ -140,6 +140,9 @@ fn each_named_method_is_its_function_with_its_arguments() {
         forward_dynamics(q = 1.0, qd = 2.0, tau_i = 9.5, phi = 8.0) -> condition;
         inverse_dynamics_derivatives(q = 1.0, qd = 2.0, qdd = 3.0, phi = 8.0) -> condition;
         forward_dynamics_derivatives(q = 1.0, qd = 2.0, tau_i = 9.5, phi = 8.0) -> condition;
+        frame_pose(q = 1.0) -> nothing;
+        frame_jacobian(q = 1.0) -> condition;
+        frame_jacobian_rate(q = 1.0, qd = 2.0) -> condition;
     }
     let calls = model.calls.into_inner();
     let full = Function::ALL.map(Function::signature).into_iter();

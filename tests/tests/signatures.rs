@@ -84,6 +84,7 @@ fn every_program_has_the_sizes_of_its_signature() {
                     Needs::Rows => robot.rows > 0,
                     Needs::Dependent => !robot.dependent.is_empty(),
                     Needs::Cones => !robot.cones.is_empty(),
+                    Needs::Frames => !robot.frames.is_empty(),
                     Needs::Base => robot.length(signature::Size::Base) > 0,
                 };
                 let what = format!("{}: {}", robot.name, signature.name);
@@ -137,6 +138,8 @@ fn the_generator_and_the_runtime_have_the_same_sizes() {
         (signature::Size::Base, function::Size::Base),
         (signature::Size::Free, function::Size::Free),
         (signature::Size::Pose, function::Size::Pose),
+        (signature::Size::Frames, function::Size::Frames),
+        (signature::Size::FrameRates, function::Size::FrameRates),
         (signature::Size::State, function::Size::State),
         (signature::Size::StateEfforts, function::Size::StateEfforts),
     ];

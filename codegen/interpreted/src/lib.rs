@@ -51,6 +51,7 @@ pub struct Interpreted<'a> {
     coordinates: Vec<&'a str>,
     parameters: Vec<Parameter<'a>>,
     bodies: Vec<&'a str>,
+    frames: Vec<&'a str>,
     cuts: Vec<Cut<'a>>,
     joints: Vec<Joint>,
     cones: Vec<SwingLimit<'a>>,
@@ -157,6 +158,7 @@ impl<'a> Interpreted<'a> {
             coordinates: robot.coordinates.iter().map(String::as_str).collect(),
             parameters: robot.parameters.iter().map(runtime_parameter).collect(),
             bodies: robot.bodies.iter().map(String::as_str).collect(),
+            frames: robot.frames.iter().map(String::as_str).collect(),
             cuts: robot
                 .cuts
                 .iter()
@@ -213,6 +215,7 @@ impl<'a> Interpreted<'a> {
             actuated: &self.robot.actuated,
             parameters: &self.parameters,
             bodies: &self.bodies,
+            frames: &self.frames,
             cuts: &self.cuts,
             home: &self.robot.home,
             gravity: self.robot.gravity,

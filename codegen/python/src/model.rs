@@ -111,6 +111,7 @@ impl Derived {
             "parameters": parameters.collect::<Vec<_>>(),
             "nominal": info.nominal,
             "bodies": info.bodies,
+            "frames": info.frames,
             "cuts": cuts.collect::<Vec<_>>(),
             "home": info.home,
             "gravity": info.gravity,

@@ -29,9 +29,15 @@ pub(super) fn elements(robot: &Robot, size: Size) -> Vec<String> {
         Size::Actuated => of(&robot.actuated),
         Size::Parameters => robot.parameters.iter().map(|p| p.label.clone()).collect(),
         Size::Bodies => robot.bodies.clone(),
+        Size::Frames => robot.frames.clone(),
         Size::Base => kept_labels(robot),
         Size::Free => eliminated_labels(robot),
-        Size::Rows | Size::Cones | Size::Pose | Size::State | Size::StateEfforts => numbered(),
+        Size::Rows
+        | Size::Cones
+        | Size::Pose
+        | Size::FrameRates
+        | Size::State
+        | Size::StateEfforts => numbered(),
     }
 }
 

@@ -4,6 +4,7 @@ mod base;
 mod closure;
 mod control;
 mod dynamics;
+mod frames;
 mod symbols;
 
 pub use symbols::Symbols;
@@ -64,6 +65,7 @@ fn has(cx: &Context<'_>, needs: Needs) -> bool {
         Needs::Rows => cx.model.is_closed(),
         Needs::Dependent => cx.closed.closure.is_some(),
         Needs::Cones => !cx.model.cones.is_empty(),
+        Needs::Frames => !cx.model.frames.is_empty(),
         // a robot without base parameters has nothing to compute from them
         Needs::Base => cx.base.is_some_and(|base| base.rank() > 0),
     }
@@ -103,6 +105,9 @@ fn groups(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Groups> {
         FunctionKind::ForwardDynamics => control::forward_dynamics(cx),
         FunctionKind::InverseDynamicsDerivatives => control::inverse_dynamics_derivatives(cx),
         FunctionKind::ForwardDynamicsDerivatives => control::forward_dynamics_derivatives(cx),
+        FunctionKind::FramePose => frames::pose(cx),
+        FunctionKind::FrameJacobian => frames::jacobian(cx),
+        FunctionKind::FrameJacobianRate => frames::jacobian_rate(cx),
     })
 }
 
@@ -153,6 +158,8 @@ fn length(cx: &Context<'_>, size: Size) -> usize {
         Size::Base => cx.base.map_or(0, Base::rank),
         Size::Free => cx.base.map_or(0, |base| base.null.len()),
         Size::Pose => 12,
+        Size::Frames => model.frames.len(),
+        Size::FrameRates => 6 * model.frames.len(),
         Size::State => 2 * model.independent.len(),
         Size::StateEfforts => 3 * model.independent.len(),
     }

@@ -4,8 +4,8 @@ use crate::spec::{self, Axis, Joint, JointFrame, Spec};
 use crate::sym::Number;
 
 use super::{
-    Body, Coordinate, Coupling, Cut, Link, Model, Motion, Placement, Side, Step, SwingLimit,
-    parameters, springs,
+    Body, Coordinate, Coupling, Cut, Link, Model, Motion, NamedFrame, Placement, Side, Step,
+    SwingLimit, parameters, springs,
 };
 
 /// The single-axis motions of a joint, in order; `first` is the index of its first coordinate.
@@ -58,6 +58,7 @@ pub fn build(spec: &Spec) -> Model {
         payloads: Vec::new(),
         cuts: Vec::new(),
         cones: Vec::new(),
+        frames: Vec::new(),
         couplings: Vec::new(),
         joint_springs: Vec::new(),
         effort_terms: Vec::new(),
@@ -92,6 +93,13 @@ pub fn build(spec: &Spec) -> Model {
             kind: cut.kind.value,
             lead: cut.lead.clone(),
             sides: [side(&cut.sides[0]), side(&cut.sides[1])],
+        })
+        .collect();
+    let frames = spec.frames.iter();
+    model.frames = frames
+        .map(|frame| NamedFrame {
+            name: frame.name.value.clone(),
+            side: side(&frame.on),
         })
         .collect();
     model.cones = cones(spec, &model);

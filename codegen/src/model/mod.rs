@@ -101,6 +101,15 @@ pub struct Side {
     pub placement: Placement,
 }
 
+/// A frame that the description names, such as a tool's.
+#[derive(Clone, Debug)]
+pub struct NamedFrame {
+    /// Its name.
+    pub name: String,
+    /// The frame on its link.
+    pub side: Side,
+}
+
 /// A joint at which a loop was cut; its equations close the loop.
 #[derive(Clone, Debug)]
 pub struct Cut {
@@ -153,6 +162,8 @@ pub struct Model {
     pub cuts: Vec<Cut>,
     /// Swing limits: those of joints in the order of coordinates, then those of cuts.
     pub cones: Vec<SwingLimit>,
+    /// Named frames in the spec's order.
+    pub frames: Vec<NamedFrame>,
     /// Couplings in the spec's order.
     pub couplings: Vec<Coupling>,
     /// Springs at joints, in the order of coordinates.

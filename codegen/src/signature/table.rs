@@ -424,4 +424,40 @@ functions! {
         needs: Needs::Nothing,
         of: Trait::ControlModel,
     }
+    FramePose {
+        formula: "Where the named frames are.",
+        name: "frame_pose",
+        arguments: &[Argument::Q],
+        output: "poses",
+        shape: by_rows(Size::Frames, Size::Pose),
+        output_doc: "per frame in the order of `FRAMES`: rotation to the world frame, row by row, then the origin in the world, m",
+        passing: Passing::Returned,
+        has_condition: false,
+        needs: Needs::Frames,
+        of: Trait::ControlModel,
+    }
+    FrameJacobian {
+        formula: "The Jacobians of the named frames by the independent velocities, along the closure.",
+        name: "frame_jacobian",
+        arguments: &[Argument::Q],
+        output: "jacobian",
+        shape: by_rows(Size::FrameRates, Size::Independent),
+        output_doc: "row by row: per frame in the order of `FRAMES` the velocity of its origin, m/s, then its angular velocity, rad/s, both in the axes of the world, per unit of each of `INDEPENDENT`",
+        passing: Passing::Returned,
+        has_condition: true,
+        needs: Needs::Frames,
+        of: Trait::ControlModel,
+    }
+    FrameJacobianRate {
+        formula: "The product of the rate of the frames' Jacobians and the independent velocities.",
+        name: "frame_jacobian_rate",
+        arguments: &[Argument::Q, Argument::Qd],
+        output: "bias",
+        shape: Shape::Vector(Size::FrameRates),
+        output_doc: "dJ/dt qd_i: the accelerations of the frames at qdd_i = 0, in the order of the rows of `frame_jacobian`, m/s^2 and rad/s^2",
+        passing: Passing::Returned,
+        has_condition: true,
+        needs: Needs::Frames,
+        of: Trait::ControlModel,
+    }
 }

@@ -1,6 +1,6 @@
 //! Payloads: bodies that are carried only in some runs of an experiment.
 
-use super::types::Spec;
+use super::types::{NamedFrame, Spec};
 
 /// Which robot a spec with payloads describes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,6 +46,11 @@ impl Spec {
             is_payload(owner.trim_end_matches(')'))
         };
         self.bodies.retain(|(label, _)| !is_payload(&label.value));
+        let on_payload = |frame: &NamedFrame| {
+            let body = frame.on.body.as_ref();
+            body.is_some_and(|body| is_payload(&body.value))
+        };
+        self.frames.retain(|frame| !on_payload(frame));
         let base = &mut self.base;
         base.eliminate.retain(|label| !of_payload(&label.value));
         base.drop.retain(|label| !of_payload(&label.value));

@@ -68,7 +68,9 @@ record! {
         optional bodies: Ordered<LabelKey, RawInertia>,
         /// Choices about the base parameters; they never change the parameters or the regressor
         optional base: RawBase,
-        /// Whether generated sources have the functions of controllers and optimisers too: momentum, Coriolis matrix, forward dynamics, derivatives
+        /// Frames on bodies, such as tools: the functions of controllers have their poses and Jacobians
+        optional frames: Vec<RawFrame>,
+        /// Whether generated sources have the functions of controllers and optimisers too: momentum, Coriolis matrix, forward dynamics, derivatives, frames
         default control: Flag = "false",
     }
 }
@@ -244,6 +246,20 @@ record! {
 record! {
     /// A frame on a body
     struct RawSide, "side" {
+        /// Label of the body, or world
+        required body: BodyReference,
+        /// Translation in the body's frame, m
+        default xyz: [Scalar; 3] = "[0, 0, 0]",
+        /// Fixed-axis roll, pitch, yaw in the body's frame, rad
+        default rpy: [Scalar; 3] = "[0, 0, 0]",
+    }
+}
+
+record! {
+    /// A named frame on a body
+    struct RawFrame, "frame" {
+        /// Unique name of the frame
+        required name: Label,
         /// Label of the body, or world
         required body: BodyReference,
         /// Translation in the body's frame, m

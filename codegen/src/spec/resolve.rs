@@ -15,7 +15,7 @@ use super::raw::{
 use super::shape::{BodyReference, Scalar, Word};
 use super::types::{
     Axis, BaseChoices, BodyInertia, Cut, CutSide, Expr, Interval, Joint, JointFrame, JointKind,
-    JointSpring, Limb, Limits, LinearForm, Placement, Quantity, Spanned, Spec,
+    JointSpring, Limb, Limits, LinearForm, NamedFrame, Placement, Quantity, Spanned, Spec,
 };
 use crate::diag::{Diagnostic, Sink, Span};
 use crate::sym::Number;
@@ -47,6 +47,12 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
             Some((spanned(&key.0), form))
         },
     );
+    let frames = collect_all(raw.frames.iter().flatten(), |frame| {
+        Some(NamedFrame {
+            name: spanned(&frame.name.0),
+            on: resolver.side(&frame.body, &frame.xyz, &frame.rpy)?,
+        })
+    });
     let drives = collect_all(raw.drives(), |(name, drive)| resolver.drive(name, drive));
     let home = collect_all(
         raw.home.iter().flat_map(|home| &home.value.0),
@@ -78,6 +84,7 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
         home_span: raw.home.as_ref().map(|home| home.span),
         bodies: bodies?,
         base: base?,
+        frames: frames?,
         control: raw.control.value,
     };
     drives::add(drives?, &mut spec);
@@ -404,16 +411,26 @@ impl Resolver<'_> {
         }
     }
 
+    /// A frame on a body or the world.
+    fn side(
+        &mut self,
+        body: &BodyReference,
+        xyz: &[Scalar; 3],
+        rpy: &[Scalar; 3],
+    ) -> Option<CutSide> {
+        let (xyz, rpy) = (self.quantities(xyz), self.quantities(rpy));
+        Some(CutSide {
+            body: body_label(body),
+            placement: Placement {
+                xyz: xyz?,
+                rpy: rpy?,
+            },
+        })
+    }
+
     fn cut(&mut self, raw: &RawCut) -> Option<Cut> {
         let sides = collect_all(&raw.between, |side| {
-            let (xyz, rpy) = (self.quantities(&side.xyz), self.quantities(&side.rpy));
-            Some(CutSide {
-                body: body_label(&side.body),
-                placement: Placement {
-                    xyz: xyz?,
-                    rpy: rpy?,
-                },
-            })
+            self.side(&side.body, &side.xyz, &side.rpy)
         });
         let cone = self.cone(raw.limits.as_ref().and_then(|limits| limits.cone.as_ref()));
         let pitch_owner = PitchOwner {

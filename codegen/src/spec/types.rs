@@ -117,6 +117,8 @@ pub struct Spec {
     pub bodies: Vec<(Spanned<String>, BodyInertia)>,
     /// Choices about the base parameters.
     pub base: BaseChoices,
+    /// Named frames on bodies, in the order written.
+    pub frames: Vec<NamedFrame>,
     /// Whether generated sources have the functions of controllers and optimisers.
     pub control: bool,
 }
@@ -150,6 +152,8 @@ impl Spec {
                 all.extend(length);
             }
         }
+        let frames = self.frames.iter_mut();
+        all.extend(frames.flat_map(|frame| frame.on.placement.quantities_mut()));
         for (_, form) in &mut self.couplings {
             all.push(&mut form.constant);
             all.extend(form.terms.iter_mut().map(|(_, factor)| factor));
@@ -355,6 +359,15 @@ pub struct CutSide {
     pub body: Option<Spanned<String>>,
     /// The frame on that body.
     pub placement: Placement,
+}
+
+/// A named frame on a body, such as a tool's.
+#[derive(Clone, Debug)]
+pub struct NamedFrame {
+    /// Unique name.
+    pub name: Spanned<String>,
+    /// The body and the frame's pose on it.
+    pub on: CutSide,
 }
 
 /// A joint opened to obtain the tree; its closure equations close the loop.

@@ -6,7 +6,7 @@ use regen_runtime::{ControlModel, Model, SizeError};
 
 use crate::check::Identities;
 use crate::identities::{CheckedState, DIFFERENCE_BOUND, ROUNDING_BOUND};
-use crate::vector::{derivative_at_zero, fill, max_abs, mul_column_major, mul_row_major};
+use crate::vector::{derivative_at_zero, dot, fill, max_abs, mul_column_major, mul_row_major};
 
 /// A state at which the functions are checked, with its sizes.
 struct Checked<'a> {
@@ -32,6 +32,7 @@ pub(crate) fn check(
     checked.momentum(all)?;
     checked.coriolis(all)?;
     checked.inverse(all)?;
+    checked.frames(all)?;
     checked.forward(all, random)
 }
 
@@ -160,6 +161,43 @@ impl Checked<'_> {
         for (statement, (a, b)) in statements.into_iter().zip(halves) {
             at.compare(all, statement, [a, b], 1.0, DIFFERENCE_BOUND);
         }
+        Ok(())
+    }
+
+    fn frames(&self, all: &mut Identities) -> Result<(), SizeError> {
+        let at = self.at;
+        let State { q, qd, .. } = at.state;
+        let model = at.model;
+        let count = model.info().frames.len();
+        if count == 0 {
+            return Ok(());
+        }
+        let pose = |q: &[f64]| fill(12 * count, |out| model.frame_pose(q, out));
+        let velocities = |q: &[f64], qd_i: &[f64]| -> Result<Vec<f64>, SizeError> {
+            let jacobian = fill(6 * count * self.dof, |out| model.frame_jacobian(q, out))?;
+            Ok(mul_row_major(&jacobian, qd_i))
+        };
+        let own = velocities(q, &self.qd_i)?;
+        let rates = derivative_at_zero(|t| pose(&self.moved(t)[0]))?;
+        let mut turned = Vec::with_capacity(own.len());
+        for (rate, pose) in rates.chunks(12).zip(pose(q)?.chunks(12)) {
+            // dR/dt R^T has the entries of the angular velocity
+            let row = |m: &[f64], i: usize| [m[3 * i], m[3 * i + 1], m[3 * i + 2]];
+            let entry = |i: usize, j: usize| dot(&row(rate, i), &row(pose, j));
+            turned.extend_from_slice(&rate[9..]);
+            turned.extend([entry(2, 1), entry(0, 2), entry(1, 0)]);
+        }
+        let statement = "J of frames = rate of their poses";
+        at.compare(all, statement, [&own, &turned], 1.0, DIFFERENCE_BOUND);
+        let bias = fill(6 * count, |out| model.frame_jacobian_rate(q, qd, out))?;
+        let pushed = velocities(q, &self.qdd_i)?;
+        let sum: Vec<f64> = pushed.iter().zip(&bias).map(|(a, b)| a + b).collect();
+        let rates = derivative_at_zero(|t| {
+            let [q, qd] = self.moved(t);
+            velocities(&q, &at.independent(&qd))
+        })?;
+        let statement = "J qdd_i + dJ/dt qd_i = rate of J qd_i";
+        at.compare(all, statement, [&sum, &rates], 1.0, DIFFERENCE_BOUND);
         Ok(())
     }
 

@@ -125,5 +125,9 @@ functions! {
             -> by_columns(Size::Independent, Size::State), CONDITION;
         ForwardDynamicsDerivatives = forward_dynamics_derivatives(Q, Qd, TauI, Phi)
             -> by_columns(Size::Independent, Size::StateEfforts), CONDITION;
+        FramePose = frame_pose(Q) -> by_rows(Size::Frames, Size::Pose), NO_CONDITION;
+        FrameJacobian = frame_jacobian(Q)
+            -> by_rows(Size::FrameRates, Size::Independent), CONDITION;
+        FrameJacobianRate = frame_jacobian_rate(Q, Qd) -> Shape::Vector(Size::FrameRates), CONDITION;
     }
 }

@@ -113,7 +113,7 @@ impl Names {
             Size::Dependent => self.coordinates.len() - self.independent.len(),
             Size::Actuated => self.actuated.len(),
             // no engine has names for these
-            Size::Rows | Size::Base | Size::Free => 0,
+            Size::Rows | Size::Base | Size::Free | Size::Frames | Size::FrameRates => 0,
             Size::Parameters => self.parameters.len(),
             Size::Bodies => self.bodies.len(),
             Size::Cones => self.cones.len(),

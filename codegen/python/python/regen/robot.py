@@ -330,6 +330,28 @@ class Robot:
         arguments = {"q": q, "qd": qd, "tau_i": tau_i}
         return self._with_parameters("forward_dynamics_derivatives", phi, None, **arguments)
 
+    def frame_pose(self, q: ArrayLike) -> Array:
+        """The poses of the named frames in the world; shape (..., frames, 12).
+
+        The rotation matrix row by row, its columns the frame's axes, then the origin in m.
+        """
+        return self.evaluate("frame_pose", q=q)
+
+    def frame_jacobian(self, q: ArrayLike) -> Array:
+        """The Jacobians of the named frames by the independent velocities; shape (..., 6 frames, dof).
+
+        For each frame the velocity of its origin, m/s, then its angular velocity, rad/s, in the
+        axes of the world, the dependent coordinates following along the closure.
+        """
+        return self.evaluate("frame_jacobian", q=q)
+
+    def frame_jacobian_rate(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        """The accelerations of the named frames at ``qdd_i = 0``; shape (..., 6 frames).
+
+        The rate of :meth:`frame_jacobian` times the independent velocities, m/s^2 and rad/s^2.
+        """
+        return self.evaluate("frame_jacobian_rate", q=q, qd=qd)
+
     def to_base(self, phi: ArrayLike | None = None) -> Array:
         """The base parameters of parameters ``phi`` (p,), by default nominal ones; shape (rank,)."""
         return self.evaluate("to_base", phi=self.nominal if phi is None else phi)

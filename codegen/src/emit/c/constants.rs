@@ -28,7 +28,7 @@ struct Array {
 }
 
 /// The macros of sizes.
-const SIZES: [(&str, Size, &str); 10] = [
+const SIZES: [(&str, Size, &str); 11] = [
     ("COORDINATE_COUNT", Size::Coordinates, "coordinates"),
     (
         "INDEPENDENT_COUNT",
@@ -40,6 +40,7 @@ const SIZES: [(&str, Size, &str); 10] = [
     ("ROW_COUNT", Size::Rows, "closure rows"),
     ("PARAMETER_COUNT", Size::Parameters, "dynamic parameters"),
     ("BODY_COUNT", Size::Bodies, "bodies"),
+    ("FRAME_COUNT", Size::Frames, "named frames"),
     ("CONE_COUNT", Size::Cones, "limits of swing angles"),
     ("BASE_COUNT", Size::Base, "base parameters"),
     ("FREE_COUNT", Size::Free, "eliminated parameters"),
@@ -147,6 +148,7 @@ fn arrays(robot: &Robot) -> Vec<Array> {
         ),
     );
     add("bodies", "Labels of the bodies.", named(Size::Bodies));
+    add("frames", "Names of the frames.", named(Size::Frames));
     add(
         "home",
         "The home configuration, closed; it picks the assembly branch.",

@@ -219,6 +219,9 @@ fn constants(robot: &Robot, out: &mut String) {
     );
     stated::parameters(robot, out);
     strings(out, "Labels of the bodies.", "BODIES", &robot.bodies);
+    if !robot.frames.is_empty() {
+        strings(out, "Names of the frames.", "FRAMES", &robot.frames);
+    }
     let _ = writeln!(
         out,
         "/// The home configuration, closed; it picks the assembly branch."
@@ -246,6 +249,12 @@ fn constants(robot: &Robot, out: &mut String) {
         .map(|c| format!("Cut {{ name: {:?}, rows: {} }}", c.name, c.rows))
         .collect();
     let _ = writeln!(out, "    cuts: &[{}],", cuts.join(", "));
+    let frames = if robot.frames.is_empty() {
+        "[]"
+    } else {
+        "FRAMES"
+    };
+    let _ = writeln!(out, "    frames: &{frames},");
     let _ = writeln!(out, "    home: &HOME,");
     let [x, y, z] = robot.gravity.map(literal);
     let _ = writeln!(out, "    gravity: [{x}, {y}, {z}],");

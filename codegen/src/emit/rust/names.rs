@@ -122,7 +122,7 @@ pub(super) const BASE_IMPORTS: [&str; 7] = [
 
 /// Constants of a module that could also be the name of a type. Names with `_` between two letters
 /// are missing, because no type has such a name.
-const CONSTANTS: [&str; 15] = [
+const CONSTANTS: [&str; 16] = [
     "ACTUATED",
     "BASE",
     "BODIES",
@@ -130,6 +130,7 @@ const CONSTANTS: [&str; 15] = [
     "COORDINATES",
     "DEPENDENT",
     "DIGEST",
+    "FRAMES",
     "FREE",
     "HOME",
     "INDEPENDENT",

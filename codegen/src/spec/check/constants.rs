@@ -46,6 +46,11 @@ impl Checker<'_> {
                 self.constant(scalar, all);
             }
         }
+        for frame in raw.frames.iter().flatten() {
+            for scalar in frame.xyz.iter().chain(&frame.rpy) {
+                self.constant(scalar, all);
+            }
+        }
         for (_, scalar) in raw.home.iter().flat_map(|home| &home.value.0) {
             self.constant(scalar, all);
         }

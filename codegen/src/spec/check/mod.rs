@@ -54,6 +54,7 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
     checker.payloads();
     checker.cuts();
     checker.springs();
+    checker.frames();
     checker.drives();
     checker.independent();
     checker.couplings();

@@ -24,7 +24,7 @@ impl Checker<'_> {
 
     fn cut(&mut self, cut: &RawCut) {
         let [a, b] = [&cut.between[0].body.0, &cut.between[1].body.0];
-        let known = self.known_bodies([a, b]);
+        let known = self.known_bodies(&[a, b]);
         if known && a.text == b.text {
             let what = if a.text == "world" {
                 "the world".into()
@@ -50,8 +50,17 @@ impl Checker<'_> {
         }
     }
 
+    pub(super) fn frames(&mut self) {
+        let frames = self.raw.frames.iter().flatten();
+        let names = frames.clone().map(|frame| &frame.name.0);
+        duplicates("frame name", names, self.sink);
+        for frame in frames {
+            self.known_bodies(&[&frame.body.0]);
+        }
+    }
+
     /// Whether bodies exist, or are the world; reports an error for each that does not.
-    pub(super) fn known_bodies(&mut self, bodies: [&Word; 2]) -> bool {
+    pub(super) fn known_bodies(&mut self, bodies: &[&Word]) -> bool {
         let mut known = true;
         for body in bodies {
             if body.text != "world" && !self.bodies.contains(&body.text) {

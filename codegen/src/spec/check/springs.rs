@@ -19,7 +19,7 @@ impl Checker<'_> {
 
     fn spring(&mut self, spring: &RawSpring) {
         let [a, b] = [&spring.between[0].body.0, &spring.between[1].body.0];
-        let known = self.known_bodies([a, b]);
+        let known = self.known_bodies(&[a, b]);
         if known && a.text == b.text {
             let name = &spring.name.0.text;
             let message = format!("both ends of spring '{name}' are on '{}'", a.text);
