@@ -107,3 +107,59 @@ impl Graph {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::eval::Evaluator;
+    use super::super::number::Number;
+    use super::*;
+
+    /// Every operation, composed with others, against central differences along a line.
+    #[test]
+    fn slopes_are_those_of_differences() {
+        let mut g = Graph::new();
+        let ids = ["x", "y"].map(|name| g.symbol_id(name));
+        let [x, y] = ["x", "y"].map(|name| g.symbol(name));
+        let product = g.mul(x, y);
+        let sum = g.add(product, Ex::ONE);
+        let quotient = g.div(x, sum).unwrap();
+        let root = g.sqrt(sum);
+        let angle = g.coordinate_angle("x", &Number::ratio(1, 3).unwrap());
+        let (sin, cos) = g.sin_cos(&angle);
+        let (sin_of, cos_of) = g.sin_cos_of(product);
+        let difference = g.sub(sin_of, cos);
+        let sign = g.sign(difference);
+        let size = g.mul(sign, difference);
+        let (up, down) = (g.positive(y), g.negative(y));
+        let one_sided = g.mul(up, product);
+        let other_side = g.mul(down, product);
+        let opposite = g.neg(cos_of);
+        let mixed = g.mul(quotient, opposite);
+        let roots = [
+            quotient, root, sin, cos, sin_of, difference, size, one_sided, other_side, mixed,
+        ];
+        let rates = [0.7, -0.4];
+        let seeds = [(ids[0], g.symbol("rx")), (ids[1], g.symbol("ry"))];
+        let slopes = g.directional(&roots, &seeds);
+        let at = |values: &[Ex], t: f64| {
+            let state = [0.8 + t * rates[0], 1.3 + t * rates[1]];
+            Evaluator::new(&g, values.to_vec()).run(&[state[0], state[1], rates[0], rates[1]])
+        };
+        let step = 1e-5;
+        let ahead = at(&roots, step);
+        let behind = at(&roots, -step);
+        for (k, slope) in at(&slopes, 0.0).into_iter().enumerate() {
+            let difference = (ahead[k] - behind[k]) / (2.0 * step);
+            // the square of the step, and rounding over the step
+            assert!(
+                (slope - difference).abs() < 1e-9,
+                "{k}: {slope} {difference}"
+            );
+        }
+        // what does not change has the slope 0 exactly
+        let still = g.directional(&roots, &[]);
+        assert!(still.iter().all(|slope| slope.is_zero()));
+    }
+}

@@ -422,8 +422,22 @@ def compile_casadi(ca, functions, flags, tag):
     return program
 
 
-def compile_pinocchio(models):
+def link_pinocchio(source, objects=()):
+    """A C++ program that uses Pinocchio."""
     prefix = Path(run([sys.executable, "-c", "import cmeel, pathlib; import sys; print([p for p in map(pathlib.Path, sys.path) if (p / 'cmeel.prefix').exists()][0] / 'cmeel.prefix')"]).strip())
+    program = WORK / Path(source).stem
+    lib = prefix / "lib"
+    libraries = [f for f in ("pinocchio_default", "pinocchio") if (lib / f"lib{f}.so").exists()][:1]
+    run(["g++", "-std=c++17", "-O3", "-march=native", "-DNDEBUG",
+         # as its package file says
+         "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=10",
+         "-fno-builtin-sin", "-fno-builtin-cos",
+         source, *objects, "-o", program, f"-I{prefix}/include", f"-I{prefix}/include/eigen3",
+         f"-L{lib}", f"-Wl,-rpath,{lib}", *[f"-l{x}" for x in libraries]], cwd=WORK)
+    return program
+
+
+def compile_pinocchio(models):
     code = "#include <pinocchio/multibody.hpp>\n#include <pinocchio/algorithm/regressor.hpp>\n" + TIMER
     code += "using namespace pinocchio;\nstatic Model arm(int n, const double (*t)[3]) { Model m; for (int i = 0; i < n; i++) {\n"
     code += " double ca = cos(t[i][0]), sa = sin(t[i][0]); Eigen::Matrix3d R; R << 1, 0, 0, 0, ca, -sa, 0, sa, ca;\n"
@@ -442,16 +456,7 @@ def compile_pinocchio(models):
     code += '  printf("rps3_full\\t%.2f\\n", best); }\n'
     code += ' printf("sincos6\\t%.2f\\n", best_s);\n}\n'
     (WORK / "pin.cpp").write_text(code)
-    program = WORK / "pin"
-    lib = prefix / "lib"
-    libraries = [f for f in ("pinocchio_default", "pinocchio") if (lib / f"lib{f}.so").exists()][:1]
-    run(["g++", "-std=c++17", "-O3", "-march=native", "-DNDEBUG",
-         # as its package file says
-         "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=10",
-         "-fno-builtin-sin", "-fno-builtin-cos",
-         "pin.cpp", "-o", program, f"-I{prefix}/include", f"-I{prefix}/include/eigen3",
-         f"-L{lib}", f"-Wl,-rpath,{lib}", *[f"-l{x}" for x in libraries]], cwd=WORK)
-    return program
+    return link_pinocchio("pin.cpp")
 
 
 def compile_ours(package="ours"):
