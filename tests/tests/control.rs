@@ -4,14 +4,17 @@
 //! other and with differences.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::fmt::Write as _;
+
 use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
 use regen_codegen::robot::{FunctionKind, Robot};
 use regen_interpreted::Interpreted;
-use regen_reference::{Mechanism as Reference, State};
+
 use regen_runtime::function::{Argument, Sizes};
 use regen_runtime::{Arguments, ControlFunction, ControlModel, LoopClosure, Model, Status};
 use regen_tests::files;
+use regen_tests::reference::{Mechanism as Reference, State};
 
 fn derived(name: &str) -> Robot {
     let file = files::robots().join(format!("{name}.yaml"));
@@ -35,9 +38,12 @@ fn arguments(robot: &Robot, model: &Interpreted<'_>) -> Vec<(Argument, Vec<f64>)
     let state = closure.solve_state(&q_i, &rates(1.0), &rates(2.0)).unwrap();
     assert!(state.outcome.is_closed());
     let body = [0.3, 0.01, 0.02, 0.2, 0.01, 0.25, 0.1, 0.05, 0.02, 1.5];
-    let phi = (0..robot.parameters.len()).map(|k| match k / 10 < robot.bodies.len() {
-        true => body[k % 10] * (1.0 + 0.1 * wave(k, 0.0)),
-        false => 0.2,
+    let phi = (0..robot.parameters.len()).map(|k| {
+        if k / 10 < robot.bodies.len() {
+            body[k % 10] * (1.0 + 0.1 * wave(k, 0.0))
+        } else {
+            0.2
+        }
     });
     vec![
         (Argument::Q, state.q),
@@ -134,7 +140,9 @@ fn a_mass_matrix_that_is_not_positive_definite_is_told_by_the_condition() {
         // a body of negative mass and inertia, as an estimate without bounds may have it
         for (argument, entries) in &mut arguments {
             if *argument == Argument::Phi {
-                entries.iter_mut().for_each(|x| *x = -*x);
+                for entry in entries {
+                    *entry = -*entry;
+                }
             }
         }
         for (function, length) in both {
@@ -168,7 +176,9 @@ fn placed() -> Matrix {
     let turn = |axis: usize, angle: f64| -> Matrix {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut m = Matrix::default();
-        (0..4).for_each(|k| m[k][k] = 1.0);
+        for (k, row) in m.iter_mut().enumerate() {
+            row[k] = 1.0;
+        }
         (m[i][i], m[j][j]) = (angle.cos(), angle.cos());
         (m[j][i], m[i][j]) = (angle.sin(), -angle.sin());
         m
@@ -185,13 +195,12 @@ fn named_frames_move_as_the_second_derivation_says() {
         let text = std::fs::read_to_string(file).unwrap();
         let reference = Reference::from_yaml(&text).unwrap();
         let bodies = &reference.bodies;
-        let frames: String = (bodies.iter().enumerate())
-            .map(|(k, body)| {
-                let pose = "xyz: [0.1, -0.2, 0.3], rpy: [0.4, -0.5, 0.6]";
-                format!("  - {{name: f{k}, body: {:?}, {pose}}}\n", body.label)
-            })
-            .collect();
-        let text = format!("{text}\nframes:\n{frames}");
+        let mut text = format!("{text}\nframes:\n");
+        for (k, body) in bodies.iter().enumerate() {
+            let pose = "xyz: [0.1, -0.2, 0.3], rpy: [0.4, -0.5, 0.6]";
+            let label = &body.label;
+            writeln!(text, "  - {{name: f{k}, body: {label:?}, {pose}}}").unwrap();
+        }
         let mechanism = Mechanism::open(&Source::new(name, text)).unwrap();
         let robot = mechanism.robot(&FunctionKind::ALL).unwrap();
         let model = Interpreted::new(&robot);

@@ -53,6 +53,28 @@ def test_regressor_times_parameters_is_the_inverse_dynamics(fivebar, count):
     np.testing.assert_allclose(again, tau, rtol=0, atol=1e-10 * abs(tau).max())
 
 
+def test_functions_of_controllers_agree_with_the_others(fivebar):
+    rng = np.random.default_rng(5)
+    t = np.linspace(0, 1, 70)[:, None]
+    qd_i, qdd_i = rng.normal(size=(2, 70, 2))
+    closed = fivebar.close([[2.0, 1.1]] + 0.2 * np.sin(t * [[3.0, 5.0]]), qd_i, qdd_i)
+    bodies = len(fivebar.bodies)
+    phi = np.full(len(fivebar.parameters), 0.05)
+    phi[: 10 * bodies] = np.tile([0.02, 0, 0, 0.03, 0, 0.03, 0.1, 0, 0, 1.0], bodies)
+    m = fivebar.mass_matrix(closed.q, phi)
+    p = fivebar.momentum(closed.q, closed.qd, phi)
+    np.testing.assert_allclose(p, np.einsum("nij,nj->ni", m, qd_i), rtol=0, atol=1e-12)
+    tau = fivebar.inverse_dynamics(*closed[:3], phi)
+    again = fivebar.forward_dynamics(closed.q, closed.qd, tau, phi)
+    np.testing.assert_allclose(again, qdd_i, rtol=0, atol=1e-9)
+    forward = fivebar.forward_dynamics_derivatives(closed.q, closed.qd, tau, phi)
+    inverse = fivebar.inverse_dynamics_derivatives(*closed[:3], phi)
+    assert forward.shape == (70, 2, 6) and inverse.shape == (70, 2, 4)
+    unit = np.broadcast_to(np.eye(2), (70, 2, 2))
+    expected = np.concatenate([-inverse, unit], axis=-1)
+    np.testing.assert_allclose(m @ forward, expected, rtol=0, atol=1e-9 * abs(inverse).max())
+
+
 def test_closed_states_satisfy_the_loops_and_their_derivatives(fivebar):
     t = np.linspace(0, 2, 401)[:, None]
     q_i = [[2.0, 1.1]] + 0.2 * np.sin(t * [[3.0, 5.0]])

@@ -87,13 +87,13 @@ fn transposed(columns: &[Vec<Ex>]) -> Matrix {
         .collect()
 }
 
-fn sum(g: &mut Graph, a: &Matrix, b: &Matrix) -> Matrix {
+fn sum(g: &mut Graph, a: &[Vec<Ex>], b: &[Vec<Ex>]) -> Matrix {
     let rows = a.iter().zip(b);
     rows.map(|(a, b)| a.iter().zip(b).map(|(a, b)| g.add(*a, *b)).collect())
         .collect()
 }
 
-fn product(g: &mut Graph, a: &Matrix, b: &Matrix) -> Matrix {
+fn product(g: &mut Graph, a: &[Vec<Ex>], b: &[Vec<Ex>]) -> Matrix {
     let columns = transposed(b);
     a.iter()
         .map(|row| columns.iter().map(|column| g.dot(row, column)).collect())
@@ -186,9 +186,9 @@ fn accelerations(cx: &mut Context<'_>, phi: &[Ex]) -> (Vec<Ex>, Matrix) {
 /// The guard's pivots are those of D relative to the diagonal of M: none is above 1 and all are
 /// positive if M is positive definite. If one is not, the guarded system is made singular, so that
 /// the condition tells it.
-fn solve_mass(g: &mut Graph, mass: &Matrix, rhs: Matrix) -> Matrix {
+fn solve_mass(g: &mut Graph, mass: &[Vec<Ex>], rhs: Matrix) -> Matrix {
     let n = mass.len();
-    let mut a = mass.clone();
+    let mut a = mass.to_vec();
     let mut factors = vec![vec![Ex::ZERO; n]; n];
     let mut inverses = vec![Ex::ZERO; n];
     let mut solution = rhs.clone();
@@ -215,9 +215,9 @@ fn solve_mass(g: &mut Graph, mass: &Matrix, rhs: Matrix) -> Matrix {
         pivots.push((g.mul(is_positive, relative), 1.0));
         is_definite = g.mul(is_definite, is_positive);
     }
-    for k in 0..n {
+    for (k, inverse) in inverses.iter().enumerate() {
         for side in 0..solution[k].len() {
-            let mut entry = g.mul(inverses[k], solution[k][side]);
+            let mut entry = g.mul(*inverse, solution[k][side]);
             for i in 0..k {
                 let change = g.mul(factors[k][i], solution[i][side]);
                 entry = g.sub(entry, change);
@@ -225,7 +225,7 @@ fn solve_mass(g: &mut Graph, mass: &Matrix, rhs: Matrix) -> Matrix {
             solution[k][side] = entry;
         }
     }
-    let mut matrix = mass.clone();
+    let mut matrix = mass.to_vec();
     if let Some(row) = matrix.first_mut() {
         for entry in row {
             *entry = g.mul(is_definite, *entry);
