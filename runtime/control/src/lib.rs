@@ -1,10 +1,13 @@
-//! Loop closure in a control cycle: all coordinates of a robot from the independent ones, in arrays
-//! of fixed size, with a bound on the steps.
+//! What a controller calls in its cycle, in arrays of fixed size and in bounded time: loop closure,
+//! and estimates of parameters while the robot moves.
 //!
 //! [`Closure`] does in a cycle what `regen_runtime::LoopClosure::track` does with an allocator: it
-//! follows home's assembly branch from one cycle to the next. It allocates nothing, works on `f64`
-//! and `f32`, and takes at most as many Newton steps in a call as it is told, so that the longest
-//! time of a call is known. `no_std`; depends on `regen-runtime` alone.
+//! follows home's assembly branch from one cycle to the next, with at most as many Newton steps in a
+//! call as it is told. [`Estimator`] is least squares that continues from sample to sample, on
+//! equations that need no acceleration.
+//!
+//! Nothing here allocates or can panic; everything works on `f64` and `f32`. `no_std`; depends on
+//! `regen-runtime` and `libm` alone.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
@@ -32,12 +35,16 @@
 )]
 
 mod closure;
+mod estimator;
 mod factored;
+mod filter;
 mod outcome;
 mod real;
+mod triangle;
 
 pub use closure::{Closure, Motion};
-pub use outcome::{ClosureError, Outcome};
+pub use estimator::{Estimator, Forgetting, Settings};
+pub use outcome::{ClosureError, Outcome, Sample, SettingError};
 pub use real::Real;
 
 /// The type of a [`Closure`] of a generated model: `closure!(rps3::Rps3, f64)` for the struct `Rps3`

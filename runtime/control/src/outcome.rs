@@ -80,3 +80,69 @@ impl fmt::Display for ClosureError {
 }
 
 impl core::error::Error for ClosureError {}
+
+/// The reason why a setting is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SettingError {
+    /// A value must be positive and finite.
+    NotPositive {
+        /// What the value is.
+        of: &'static str,
+    },
+    /// A value must be finite, and not so large that its products overflow.
+    NotFinite {
+        /// What the value is.
+        of: &'static str,
+    },
+    /// The bandwidth times the period is above 1: the filter would be faster than the cycle.
+    Bandwidth,
+    /// The block is shorter than four time constants of the filter.
+    Block,
+    /// The parameters do not list ten inertial parameters of each of as many bodies as are expected.
+    Bodies,
+    /// The values to start from are not those of a physical body: a pseudo-inertia is not positive
+    /// definite, or a value that cannot be negative is not positive.
+    Start,
+}
+
+impl fmt::Display for SettingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotPositive { of } => write!(f, "the {of} must be positive and finite"),
+            Self::NotFinite { of } => write!(f, "the {of} must be finite, and not as large"),
+            Self::Bandwidth => write!(
+                f,
+                "the bandwidth (rad/s) times the period (s) is above 1: choose a slower filter or a \
+                 shorter period"
+            ),
+            Self::Block => write!(
+                f,
+                "a block (s) times the bandwidth (rad/s) is below 4: choose longer blocks"
+            ),
+            Self::Bodies => write!(
+                f,
+                "the parameters do not list ten inertial parameters of each expected body"
+            ),
+            Self::Start => write!(
+                f,
+                "the values to start from are not physical: choose masses and inertias of solid \
+                 bodies, and friction and rotors above zero"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for SettingError {}
+
+/// What a call did with its measurements.
+#[must_use]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sample {
+    /// The first sample: filters start from it, and it says nothing yet.
+    First,
+    /// The sample counts.
+    Taken,
+    /// A number is NaN, infinite or so large that its products overflow. Nothing has changed.
+    Refused,
+}

@@ -1,4 +1,4 @@
-//! The number types with which loops are closed.
+//! The number types of a control cycle.
 
 use regen_runtime::Scalar;
 
@@ -14,6 +14,9 @@ pub trait Real: Scalar + PartialOrd {
     const INFINITY: Self;
     /// Not a number.
     const NAN: Self;
+    /// The largest magnitude that an equation or a measurement may have: products of four such
+    /// numbers are finite.
+    const LARGE: Self;
 
     /// The nearest number to this value.
     #[must_use]
@@ -22,16 +25,25 @@ pub trait Real: Scalar + PartialOrd {
     /// Whether it is neither NaN nor infinite.
     #[must_use]
     fn is_finite(self) -> bool;
+
+    /// The exponential function.
+    #[must_use]
+    fn exp(self) -> Self;
+
+    /// The natural logarithm.
+    #[must_use]
+    fn ln(self) -> Self;
 }
 
 macro_rules! real {
-    ($float:ident) => {
+    ($float:ident, $large:literal, $exp:path, $ln:path) => {
         impl Real for $float {
             const EPSILON: Self = $float::EPSILON;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const INFINITY: Self = $float::INFINITY;
             const NAN: Self = $float::NAN;
+            const LARGE: Self = $large;
 
             #[inline]
             #[allow(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
@@ -44,15 +56,29 @@ macro_rules! real {
             fn is_finite(self) -> bool {
                 $float::is_finite(self)
             }
+
+            fn exp(self) -> Self {
+                $exp(self)
+            }
+
+            fn ln(self) -> Self {
+                $ln(self)
+            }
         }
     };
 }
 
-real!(f64);
-real!(f32);
+real!(f64, 1e75, libm::exp, libm::log);
+real!(f32, 1e9, libm::expf, libm::logf);
 
 /// The largest absolute value; NaN if any is NaN.
 pub(crate) fn largest<T: Real>(values: impl IntoIterator<Item = T>) -> T {
     let values = values.into_iter();
     values.fold(T::ZERO, |m, x| Scalar::max(m, Scalar::abs(x)))
+}
+
+/// Whether all are finite and none exceeds [`Real::LARGE`].
+pub(crate) fn moderate<'a, T: Real + 'a>(values: impl IntoIterator<Item = &'a T>) -> bool {
+    let mut values = values.into_iter();
+    values.all(|x| Scalar::abs(*x) <= T::LARGE)
 }

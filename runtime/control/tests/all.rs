@@ -1,4 +1,4 @@
-//! Compares the loop closure for control cycles with the one that needs an allocator.
+//! Compares the loop closure and the estimators for control cycles with ones that need an allocator.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![allow(
     clippy::float_cmp,
@@ -7,5 +7,6 @@
 
 mod agrees;
 mod allocates;
+mod estimator;
 mod refuses;
 mod steps;
