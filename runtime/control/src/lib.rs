@@ -1,10 +1,13 @@
 //! What a controller calls in its cycle, in arrays of fixed size and in bounded time: loop closure,
-//! and estimates of parameters while the robot moves.
+//! estimates of parameters and payloads while the robot moves, external forces, adaptive control.
 //!
 //! [`Closure`] does in a cycle what `regen_runtime::LoopClosure::track` does with an allocator: it
 //! follows home's assembly branch from one cycle to the next, with at most as many Newton steps in a
 //! call as it is told. [`Estimator`] is least squares that continues from sample to sample, on
-//! equations that need no acceleration.
+//! equations that need no acceleration, with deviations; [`Physical`] finds the closest parameters that
+//! bodies can have, and [`Payload`] what the robot carries. [`Observer`] gives the external force, and
+//! [`Collision`] tells contact from noise. [`GradientLaw`] and [`NaturalLaw`] are the update laws of
+//! adaptive control.
 //!
 //! Nothing here allocates or can panic; everything works on `f64` and `f32`. `no_std`; depends on
 //! `regen-runtime` and `libm` alone.
@@ -34,17 +37,26 @@
     reason = "A_e and qdd_i are formulas, written as in the equations"
 )]
 
+mod adaptive;
 mod closure;
 mod estimator;
 mod factored;
 mod filter;
+mod observer;
 mod outcome;
+mod payload;
+mod physical;
 mod real;
+mod symmetric;
 mod triangle;
 
+pub use adaptive::{GradientLaw, NaturalLaw};
 pub use closure::{Closure, Motion};
 pub use estimator::{Estimator, Forgetting, Settings};
+pub use observer::{Collision, Observer};
 pub use outcome::{ClosureError, Outcome, Sample, SettingError};
+pub use payload::{Load, Payload};
+pub use physical::{Physical, Projected, Search};
 pub use real::Real;
 
 /// The type of a [`Closure`] of a generated model: `closure!(rps3::Rps3, f64)` for the struct `Rps3`

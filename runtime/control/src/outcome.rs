@@ -90,6 +90,11 @@ pub enum SettingError {
         /// What the value is.
         of: &'static str,
     },
+    /// A value must be zero or above, and finite.
+    Negative {
+        /// What the value is.
+        of: &'static str,
+    },
     /// A value must be finite, and not so large that its products overflow.
     NotFinite {
         /// What the value is.
@@ -99,6 +104,8 @@ pub enum SettingError {
     Bandwidth,
     /// The block is shorter than four time constants of the filter.
     Block,
+    /// A probability is 1 or above.
+    Probability,
     /// The parameters do not list ten inertial parameters of each of as many bodies as are expected.
     Bodies,
     /// The values to start from are not those of a physical body: a pseudo-inertia is not positive
@@ -110,6 +117,7 @@ impl fmt::Display for SettingError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotPositive { of } => write!(f, "the {of} must be positive and finite"),
+            Self::Negative { of } => write!(f, "the {of} must be zero or above, and finite"),
             Self::NotFinite { of } => write!(f, "the {of} must be finite, and not as large"),
             Self::Bandwidth => write!(
                 f,
@@ -120,6 +128,7 @@ impl fmt::Display for SettingError {
                 f,
                 "a block (s) times the bandwidth (rad/s) is below 4: choose longer blocks"
             ),
+            Self::Probability => write!(f, "a probability must be below 1"),
             Self::Bodies => write!(
                 f,
                 "the parameters do not list ten inertial parameters of each expected body"

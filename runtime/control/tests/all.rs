@@ -7,6 +7,8 @@
 
 mod agrees;
 mod allocates;
+mod arm;
 mod estimator;
+mod physical;
 mod refuses;
 mod steps;
