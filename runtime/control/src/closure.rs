@@ -200,7 +200,10 @@ where
             return Outcome::NotFinite;
         }
         let from = self.q_i();
-        let line: [T; DOF] = from_fn(|k| q_i[k] - from[k]);
+        let mut line = *q_i;
+        for (line, from) in line.iter_mut().zip(&from) {
+            *line = *line - *from;
+        }
         let size = T::ONE + Scalar::max(largest(*q_i), largest(from));
         let length = largest(line);
         let rounding = T::of(SHORTEST_ROUNDINGS) * T::EPSILON * size;
@@ -224,7 +227,10 @@ where
             if last {
                 part = rest;
             }
-            let mut q: [T; N] = from_fn(|k| self.last.q[k] + part * tangent[k]);
+            let mut q = self.last.q;
+            for (q, tangent) in q.iter_mut().zip(&tangent) {
+                *q = *q + part * *tangent;
+            }
             for (k, place) in self.independent.iter().enumerate() {
                 if let Some(q) = q.get_mut(*place) {
                     *q = if last {

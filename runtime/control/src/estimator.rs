@@ -236,37 +236,51 @@ impl<T: Real, const D: usize, const P: usize> Estimator<T, D, P> {
             return Sample::Refused;
         }
         let omega = self.filter.bandwidth;
-        let input = |j: usize, d: usize| omega * momentum[j][d] + rate[j][d];
-        let known_input: [T; D] = from_fn(|d| omega * known_momentum[d] + known_rate[d]);
+        let mut last = *rate;
+        inputs(omega, momentum.as_flattened(), last.as_flattened_mut());
+        let mut known_last = *known_rate;
+        inputs(omega, known_momentum, &mut known_last);
         let Some(memory) = &self.state else {
             self.state = Some(Memory {
-                rows: from_fn(|j| momentum[j].map(|p| omega * p)),
-                last: from_fn(|j| from_fn(|d| input(j, d))),
+                rows: momentum.map(|column| column.map(|p| omega * p)),
+                last,
                 right: [T::ZERO; D],
                 known: known_momentum.map(|p| omega * p),
-                known_last: known_input,
+                known_last,
             });
             return Sample::First;
         };
-        let last = from_fn(|j| from_fn(|d| input(j, d)));
-        let next = Memory {
-            rows: from_fn(|j| {
-                from_fn(|d| {
-                    self.filter
-                        .line(memory.rows[j][d], memory.last[j][d], last[j][d])
-                })
-            }),
+        let mut next = Memory {
+            rows: memory.rows,
             last,
-            right: from_fn(|d| self.filter.held(memory.right[d], effort[d])),
-            known: from_fn(|d| {
-                self.filter
-                    .line(memory.known[d], memory.known_last[d], known_input[d])
-            }),
-            known_last: known_input,
+            right: memory.right,
+            known: memory.known,
+            known_last,
         };
-        let right: [T; D] =
-            from_fn(|d| next.right[d] - (omega * known_momentum[d] - next.known[d]));
-        let rows: [[T; P]; D] = from_fn(|d| from_fn(|j| omega * momentum[j][d] - next.rows[j][d]));
+        let line = |states: &mut [T], before: &[T], now: &[T]| {
+            for ((state, before), now) in states.iter_mut().zip(before).zip(now) {
+                *state = self.filter.line(*state, *before, *now);
+            }
+        };
+        line(
+            next.rows.as_flattened_mut(),
+            memory.last.as_flattened(),
+            next.last.as_flattened(),
+        );
+        line(&mut next.known, &memory.known_last, &next.known_last);
+        for (state, effort) in next.right.iter_mut().zip(effort) {
+            *state = self.filter.held(*state, *effort);
+        }
+        let mut right = next.right;
+        for ((right, p), passed) in right.iter_mut().zip(known_momentum).zip(&next.known) {
+            *right = *right - (omega * *p - *passed);
+        }
+        let mut rows = [[T::ZERO; P]; D];
+        for (j, (column, passed)) in momentum.iter().zip(&next.rows).enumerate() {
+            for ((row, p), passed) in rows.iter_mut().zip(column).zip(passed) {
+                row[j] = omega * *p - *passed;
+            }
+        }
         if !self.takes(&rows, &right) {
             return Sample::Refused;
         }
@@ -387,5 +401,12 @@ impl<T: Real, const D: usize, const P: usize> Estimator<T, D, P> {
     /// R phi = z, and R^T R is the information.
     pub fn factor(&self) -> (&[[T; P]; P], &[T; P]) {
         (&self.factor.rows, &self.factor.right)
+    }
+}
+
+/// Makes of rates n the inputs omega p + n of the filter.
+fn inputs<T: Real>(omega: T, momentum: &[T], rate: &mut [T]) {
+    for (n, p) in rate.iter_mut().zip(momentum) {
+        *n = omega * *p + *n;
     }
 }

@@ -20,7 +20,12 @@ pub(crate) struct Factored<T, const E: usize> {
 
 impl<T: Real, const E: usize> Factored<T, E> {
     pub(crate) fn new(matrix: &[[T; E]; E]) -> Self {
-        let scale = from_fn(|j| largest(matrix.iter().map(|row| row[j])));
+        let mut scale = [T::ZERO; E];
+        for row in matrix {
+            for (scale, x) in scale.iter_mut().zip(row) {
+                *scale = Scalar::max(*scale, Scalar::abs(*x));
+            }
+        }
         let mut factors = scaled(matrix, &scale);
         let mut rows: [usize; E] = from_fn(|row| row);
         for k in 0..E {
@@ -63,10 +68,12 @@ impl<T: Real, const E: usize> Factored<T, E> {
         let other = scaled(other, &self.scale);
         let mut sums = [T::ZERO; E];
         for column in 0..E {
-            let mut x: [T; E] = from_fn(|i| {
-                let row = self.rows.get(i).and_then(|row| other.get(*row));
-                row.map_or(T::NAN, |row| row[column])
-            });
+            let mut x = [T::NAN; E];
+            for (x, row) in x.iter_mut().zip(self.rows) {
+                if let Some(row) = other.get(row) {
+                    *x = row[column];
+                }
+            }
             self.substitute(&mut x);
             x[column] = x[column] - T::ONE;
             for (sum, x) in sums.iter_mut().zip(x) {
@@ -94,15 +101,15 @@ impl<T: Real, const E: usize> Factored<T, E> {
 
 /// The matrix with its columns divided by `scale`; zero columns stay zero.
 fn scaled<T: Real, const E: usize>(matrix: &[[T; E]; E], scale: &[T; E]) -> [[T; E]; E] {
-    from_fn(|i| {
-        from_fn(|j| {
-            if scale[j] > T::ZERO {
-                matrix[i][j] / scale[j]
-            } else {
-                matrix[i][j]
+    let mut scaled = *matrix;
+    for row in &mut scaled {
+        for (entry, scale) in row.iter_mut().zip(scale) {
+            if *scale > T::ZERO {
+                *entry = *entry / *scale;
             }
-        })
-    })
+        }
+    }
+    scaled
 }
 
 #[cfg(test)]

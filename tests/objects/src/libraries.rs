@@ -30,12 +30,12 @@ pub fn full() -> bool {
     std::env::var_os("REGEN_FULL").is_some()
 }
 
-/// The features of `regen-image` with these robots and the closure.
+/// The features of `regen-image` with these robots, the closure and the control cycle.
 pub fn features() -> &'static str {
     if full() {
-        "derived,closure"
+        "derived,closure,control"
     } else {
-        "robots,closure"
+        "robots,closure,control"
     }
 }
 
@@ -66,6 +66,7 @@ pub fn image(features: &str) -> Vec<PathBuf> {
         "regen_generated",
         "regen_robots",
         "regen_runtime",
+        "regen_control",
         "libm",
     ] {
         let named = |path: &PathBuf| path.to_string_lossy().contains(part);

@@ -13,7 +13,7 @@ use std::sync::LazyLock;
 use regen_objects::{Graph, cargo, cycle, deepest, features, fixture, full, image, root};
 
 /// The functions to which a compiler may turn copies and comparisons; every target has them.
-const MEMORY: [&str; 4] = ["memcpy", "memmove", "memset", "memcmp"];
+const MEMORY: [&str; 5] = ["memcpy", "memmove", "memset", "memcmp", "bcmp"];
 
 /// The functions that `Vec` calls, with the two that end a program without memory, and the one that
 /// frees vectors if a user's own model unwinds, which `panic = "abort"` leaves out.
@@ -134,8 +134,23 @@ fn the_closure_can_fail_only_for_lack_of_memory() {
     assert!(!externals(&IMAGE, &roots, &MEMORY).is_empty());
 }
 
+/// The functions of a control cycle allocate nothing either.
 #[test]
-fn no_function_of_robots_or_of_the_closure_recurses() {
+fn a_control_cycle_calls_nothing_but_copies_of_memory() {
+    let roots = control();
+    assert_eq!(roots.len(), 13);
+    let found = externals(&IMAGE, &roots, &MEMORY);
+    assert!(found.is_empty(), "{found:#?}");
+}
+
+/// The functions of a control cycle that the image has.
+fn control() -> Vec<usize> {
+    IMAGE.find(|name| name.starts_with("regen_image::control::"))
+}
+
+#[test]
+fn no_function_of_robots_of_the_closure_or_of_a_control_cycle_recurses() {
+    assert_eq!(cycle(&IMAGE, &control()), None);
     for (robot, roots) in robots() {
         assert_eq!(cycle(&IMAGE, &roots), None, "{robot}");
     }
