@@ -9,6 +9,7 @@ mod c_robots;
 mod chapter;
 mod compiled;
 mod control;
+mod control_cycle;
 mod coupled_rest;
 mod derived_agrees;
 mod derived_random;
