@@ -1,6 +1,10 @@
 //! A controller without the standard library and without an allocator: the legs of a 3-RPS follow
-//! a motion by computed torque. `.ci/run` compiles it for a Cortex-M4 where that target is installed.
+//! a motion by computed torque, and a five-bar is watched. `.ci/run` compiles it for a Cortex-M4 where that target is installed.
 #![no_std]
+
+mod watch;
+
+pub use watch::Watch;
 
 use regen_control::{ClosureError, Outcome, closure};
 use regen_generated::rps3::{self, Rps3};
