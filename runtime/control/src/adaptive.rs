@@ -20,6 +20,16 @@ const TERMS: u32 = 16;
 /// of the velocities of the independent coordinates behind the reference qd_r = qd_d - lambda (q -
 /// q_d), and the controller's efforts are Y phi - K s. The error of the motion then vanishes;
 /// the parameters do not always become those of the robot.
+///
+/// ```
+/// use regen_control::{GradientLaw, Sample};
+///
+/// // one parameter, a mass of 2 kg that starts at 3 kg, and an error of 0.5 m/s at 4 m/s^2
+/// let mut law = GradientLaw::new(&[3.0], &[0.1])?;
+/// assert_eq!(law.update(&[[4.0]], &[0.5], 1e-2), Sample::Taken);
+/// assert!((law.values()[0] - (3.0_f64 - 0.1 * 1e-2 * 4.0 * 0.5)).abs() < 1e-15);
+/// # Ok::<(), regen_control::SettingError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct GradientLaw<T, const P: usize> {
     values: [T; P],
@@ -76,6 +86,23 @@ impl<T: Real, const P: usize> GradientLaw<T, P> {
 /// J^(1/2), so that J stays positive definite for every gain. Friction and rotors follow the same
 /// law in one dimension and stay positive; offsets and other parameters of both signs follow the
 /// [`GradientLaw`].
+///
+/// ```
+/// use regen_control::{NaturalLaw, Sample};
+/// use regen_runtime::{Parameter, Symbol};
+///
+/// let parameters = Symbol::INERTIAL.map(|s| Parameter::new(s, "1"));
+/// let ball = [0.1, 0.0, 0.0, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 2.0];
+/// let mut law = NaturalLaw::<f64, 10, 1>::new(&parameters, &ball, 1.0, 0.0)?;
+/// // an error for which the mass is too large: it shrinks, and never below zero
+/// let mut y = [[0.0]; 10];
+/// y[9] = [9.81];
+/// for _ in 0..1000 {
+///     assert_eq!(law.update(&y, &[1.0], 0.1), Sample::Taken);
+/// }
+/// assert!(law.values()[9] > 0.0 && law.values()[9] < 0.01);
+/// # Ok::<(), regen_control::SettingError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct NaturalLaw<T, const P: usize, const B: usize> {
     set: Physical<P, B>,

@@ -119,6 +119,21 @@ impl<T: Real, const D: usize> Observer<T, D> {
 /// noise exceeds in N samples with a probability below p, and not below the largest that was
 /// learned. Friction that changes with temperature, or a payload that the model does not know, are
 /// not noise: learn again when they change.
+///
+/// ```
+/// use regen_control::Collision;
+///
+/// let mut detector = Collision::<f64, 2>::new(0.01, 10_000)?;
+/// for k in 0..1000 {
+///     let noise = f64::from(k).sin();
+///     detector.learn(&[noise, 3.0 * noise]);
+/// }
+/// // noise of rms 0.7 and 2.1 N m, times the square root of 2 ln(2 * 10,000 / 0.01)
+/// assert!((detector.thresholds()[0] - 3.81).abs() < 0.02);
+/// assert_eq!(detector.contact(&[1.0, 6.0]), None);
+/// assert_eq!(detector.contact(&[4.0, -25.0]), Some(1));
+/// # Ok::<(), regen_control::SettingError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Collision<T, const D: usize> {
     level: T,

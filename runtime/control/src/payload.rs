@@ -30,6 +30,24 @@ pub struct Load<T> {
 /// Deviations contain what the residuals show. What the robot's own parameters are off by in the
 /// whole run they cannot contain: let the robot move without the payload first, and see what mass it
 /// then seems to carry.
+///
+/// ```
+/// use regen_control::{Payload, Settings};
+///
+/// // a slide lifts a mass: its momentum is m v, and its weight acts downwards
+/// let mut payload = Payload::<f64, 1>::new(&Settings::new(1e-3), &[1.0], 10.0, 0.1)?;
+/// for k in 0..10_000 {
+///     let t = 1e-3 * f64::from(k);
+///     let (v, dv) = ((4.0 * t).sin(), 4.0 * (4.0 * t - 2e-3).cos());
+///     let (mut momentum, mut rate) = ([[0.0]; 10], [[0.0]; 10]);
+///     (momentum[9], rate[9]) = ([v], [-9.81]);
+///     let effort = [3.0 * (dv + 9.81) + 5.0 * v]; // friction of 5 N s/m is known
+///     let _ = payload.update((&[0.0], &[-5.0 * v]), (&momentum, &rate), &effort);
+/// }
+/// let load = payload.load().ok_or("no mass is seen")?;
+/// assert!((load.mass - 3.0).abs() < 0.01 && load.mass_deviation < 0.01, "{load:?}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Payload<T, const D: usize> {
     estimator: Estimator<T, D, 10>,

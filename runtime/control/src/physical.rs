@@ -23,6 +23,23 @@ const HALVINGS: usize = 40;
 /// The 4 by 4 pseudo-inertia has the second moments of a body's mass, its first moments and its mass
 /// (P. Wensing, S. Kim, J.-J. Slotine, "Linear matrix inequalities for physically consistent
 /// inertial parameter identification", IEEE Robotics and Automation Letters 3(1), 2018).
+///
+/// ```
+/// use regen_control::{Physical, Search};
+/// use regen_runtime::{Parameter, Symbol};
+///
+/// let body = Physical::<10, 1>::new(&Symbol::INERTIAL.map(|s| Parameter::new(s, "load")))?;
+/// let ball = [0.1, 0.0, 0.0, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 2.0];
+/// // equations that a negative moment of inertia fits best
+/// let mut rows = [[0.0; 10]; 10];
+/// (0..10).for_each(|k| rows[k][k] = 10.0);
+/// let mut right = ball.map(|value| 10.0 * value);
+/// right[0] = -1.0;
+/// let found = body.closest((&rows, &right), &ball, 60, 1e-6)?;
+/// assert_eq!(found.status, Search::Reached);
+/// assert!(body.contains(&found.values) && found.values[0] > 0.0 && found.values[9] > 1.9);
+/// # Ok::<(), regen_control::SettingError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Physical<const P: usize, const B: usize> {
     /// The places of each body's parameters, in the order of [`Symbol::INERTIAL`].
@@ -92,7 +109,8 @@ impl<const P: usize, const B: usize> Physical<P, B> {
     }
 
     /// The values in the set that fit equations R phi = z best, such as those of
-    /// [`Estimator::factor`](crate::Estimator::factor): they minimise |R phi - z|^2 / 2.
+    /// [`Estimator::factor`](crate::Estimator::factor) of an estimator over these parameters with a
+    /// prior for what the motion does not tell: they minimise |R phi - z|^2 / 2.
     ///
     /// - `start`: values inside the set, such as nominal ones or those of the last call.
     /// - `steps`: the most steps of Newton's method; each takes about P^3 / 6 + 40 P^2 + 3000 B

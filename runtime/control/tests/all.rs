@@ -9,6 +9,7 @@ mod agrees;
 mod allocates;
 mod arm;
 mod estimator;
+mod fivebar;
 mod physical;
 mod refuses;
 mod steps;
