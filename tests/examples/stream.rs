@@ -115,6 +115,11 @@ fn main() {
                   show: bool| {
         let period = rows[1].t - rows[0].t;
         let mut count = 0_u32;
+        // whole periods of the delay
+        let shift = (0..100_u32)
+            .take_while(|n| f64::from(n + 1) * period <= delay)
+            .count();
+        let shift = u32::try_from(shift).unwrap();
         let (mut momentum, mut rate) = (vec![0.0; D * labels.len()], vec![0.0; D * labels.len()]);
         let mut known = Observer::<f64, D>::new(bandwidth, period).unwrap();
         for (k, row) in rows.iter().enumerate() {
@@ -125,15 +130,13 @@ fn main() {
                 .momentum_rate_regressor(&row.q, &row.qd, &mut rate)
                 .unwrap();
             // the mean of the effort since the last row, `delay` later than the motion
-            let at = |t: f64| -> [f64; D] {
-                let place = ((t - rows[0].t) / period).clamp(0.0, (rows.len() - 1) as f64);
-                let before = (place.floor() as usize).min(rows.len() - 2);
-                let part = place - before as f64;
-                std::array::from_fn(|d| {
-                    rows[before].effort[d] * (1.0 - part) + rows[before + 1].effort[d] * part
-                })
+            let (whole, part) = (shift as usize, delay / period - f64::from(shift));
+            let at = |k: usize| -> [f64; D] {
+                let effort = |k: usize| rows[k.min(rows.len() - 1)].effort;
+                let (before, after) = (effort(k + whole), effort(k + whole + 1));
+                std::array::from_fn(|d| before[d] * (1.0 - part) + after[d] * part)
             };
-            let (now, last) = (at(row.t + delay), at(row.t + delay - period));
+            let (now, last) = (at(k), at(k.saturating_sub(1)));
             let effort: [f64; D] = std::array::from_fn(|d| 0.5 * (now[d] + last[d]));
             let (p, n) = (sum(&momentum, &phi), sum(&rate, &phi));
             let _ = known.update(&p, &n, &effort);

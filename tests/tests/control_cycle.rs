@@ -10,7 +10,9 @@ use regen_interpreted::Interpreted;
 use regen_runtime::{ControlModel, LoopClosure, Model};
 use regen_tests::sample_size;
 
+/// The time between two samples, s, and how many of them are a second.
 const PERIOD: f64 = 2e-3;
+const SECOND: usize = 500;
 
 /// A robot with a body that it can carry.
 struct Case {
@@ -208,7 +210,7 @@ fn nominal(robot: &Interpreted<'_>) -> (Vec<f64>, usize) {
     let load = info
         .parameters
         .iter()
-        .position(|parameter| parameter.to_string() == "Ixx(load)")
+        .position(|parameter| *parameter == *"Ixx(load)")
         .unwrap();
     let values = info.parameters.iter().zip(info.nominal);
     let phi = values.map(|(_, value)| value.unwrap_or(0.0)).collect();
@@ -250,7 +252,7 @@ fn twins<const D: usize>(case: &Case, count: u64) -> [u64; 3] {
     let (empty, load) = nominal(&model);
     let mut phi = empty.clone();
     phi[load..load + 10].copy_from_slice(&case.load());
-    let run = simulate::<D>(&model, &phi, case, (10.0 / PERIOD) as usize, None);
+    let run = simulate::<D>(&model, &phi, case, 10 * SECOND, None);
     let [mass, ..] = case.load;
     let mut found = [0; 3];
     for twin in 0..count {
@@ -314,7 +316,7 @@ fn collisions<const D: usize>(case: &Case, count: u64) -> [u64; 2] {
     let robot = case.robot();
     let model = Interpreted::new(&robot);
     let (phi, _) = nominal(&model);
-    let hit = (9.0 / PERIOD) as usize;
+    let hit = 9 * SECOND;
     let run = simulate::<D>(&model, &phi, case, hit + 20, Some(hit));
     let mut detector = Collision::<f64, D>::new(0.01, hit as u32).unwrap();
     let mut counted = [0; 2];
@@ -338,7 +340,7 @@ fn collisions<const D: usize>(case: &Case, count: u64) -> [u64; 2] {
         }
         if twin > 0 {
             counted[0] += u64::from(alarm.is_some_and(|k| k <= hit));
-            let within = hit + (0.02 / PERIOD) as usize;
+            let within = hit + SECOND / 50;
             counted[1] += u64::from(alarm.is_some_and(|k| k > hit && k <= within));
         }
     }
