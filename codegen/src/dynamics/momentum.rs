@@ -98,19 +98,19 @@ pub fn momentum_rate_columns(
     let wanted = vec![true; model.parameters.len()];
     let resisting = reduced_regressor(g, model, rest, tree, rates, j, &wanted);
     let turned = turned_twists(g, tree.frames, velocities);
+    let by_independent: Vec<Vec<Ex>> = (0..width)
+        .map(|i| j_rate.iter().map(|row| row[i]).collect())
+        .collect();
     let mut kinetic = Vec::with_capacity(model.parameters.len());
     for body in &model.bodies {
         let wrench = InertiaWrench::new(g, &velocities[body.link]);
         let mut rows = Vec::with_capacity(width);
-        for i in 0..width {
+        for (i, j_rate) in by_independent.iter().enumerate() {
             // the rate of the body's twist per unit of the independent coordinate
             let mut sum = Twist { e: ZERO3, u: ZERO3 };
             let own = tree.twists[body.link].iter().zip(&turned[body.link]);
             for ((coordinate, twist), (_, turned)) in own {
-                let parts = [
-                    (j.at(*coordinate, i), turned),
-                    (j_rate[*coordinate][i], twist),
-                ];
+                let parts = [(j.at(*coordinate, i), turned), (j_rate[*coordinate], twist)];
                 for (weight, part) in parts {
                     sum.e = g.add_scaled3(&sum.e, weight, &part.e);
                     sum.u = g.add_scaled3(&sum.u, weight, &part.u);

@@ -201,9 +201,10 @@ fn solve_mass(g: &mut Graph, mass: &[Vec<Ex>], rhs: Matrix) -> Matrix {
         for i in 0..k {
             let factor = g.mul(a[k][i], inverse);
             factors[k][i] = factor;
-            for j in 0..=i {
-                let change = g.mul(factor, a[k][j]);
-                a[i][j] = g.sub(a[i][j], change);
+            let row = a[k].clone();
+            for (entry, other) in a[i].iter_mut().zip(&row).take(i + 1) {
+                let change = g.mul(factor, *other);
+                *entry = g.sub(*entry, change);
             }
             for side in 0..solution[k].len() {
                 let change = g.mul(factor, solution[k][side]);
@@ -286,15 +287,14 @@ fn slopes(cx: &mut Context<'_>, rates: &Rates, phi: &[Ex]) -> [Matrix; 2] {
     let dependent = cx.model.dependent.iter();
     let efforts: Vec<Ex> = dependent.map(|c| tree.efforts[*c]).collect();
     let multipliers = closure.solve_transposed(cx.g, cx.model, &efforts);
-    for k in 0..dof {
-        for l in 0..=k {
-            let polar = rates_without_qdd(j.column(k), j.column(l));
-            let bias = closure.bias(cx.g, cx.frames, cx.model, &polar);
-            let turning = cx.g.dot(&bias, &multipliers);
-            by_q[k][l] = cx.g.add(by_q[k][l], turning);
-            if l != k {
-                by_q[l][k] = cx.g.add(by_q[l][k], turning);
-            }
+    let pairs = (0..dof).flat_map(|k| (0..=k).map(move |l| (k, l)));
+    for (k, l) in pairs {
+        let polar = rates_without_qdd(j.column(k), j.column(l));
+        let bias = closure.bias(cx.g, cx.frames, cx.model, &polar);
+        let turning = cx.g.dot(&bias, &multipliers);
+        by_q[k][l] = cx.g.add(by_q[k][l], turning);
+        if l != k {
+            by_q[l][k] = cx.g.add(by_q[l][k], turning);
         }
     }
     [by_q, by_qd]

@@ -87,12 +87,11 @@ impl Graph {
                     return rate;
                 }
                 let (sin, cos) = self.sin_cos(&angle);
-                match self.node(ex) {
-                    Node::Sin(_) => self.mul(cos, rate),
-                    _ => {
-                        let product = self.mul(sin, rate);
-                        self.neg(product)
-                    }
+                if matches!(self.node(ex), Node::Sin(_)) {
+                    self.mul(cos, rate)
+                } else {
+                    let product = self.mul(sin, rate);
+                    self.neg(product)
                 }
             }
             Node::SinOf(a) => {
