@@ -131,7 +131,7 @@ fn a_urdf_arm_has_its_base_table_in_under_ten_commands() {
 fn the_commands_of_the_table_trust_and_controller_pages_run() {
     assert_eq!(
         run_page("table").len() + run_page("trust").len() + run_page("controller").len(),
-        4
+        9
     );
 }
 
