@@ -50,9 +50,22 @@ fn no_function_of_any_robot_leaves_its_bound_in_single_precision() {
                             "q" => robot.home.get(k).copied().unwrap_or(0.0),
                             _ => 0.0,
                         };
-                        let range = if argument.name == "q" { 0.05 } else { 1.0 };
+                        // masses and moments of inertia are those of bodies
+                        let is_large = |k: usize| {
+                            let own = robot.parameters.get(k).filter(|_| argument.name == "phi");
+                            let mut names = ["Ixx(", "Iyy(", "Izz(", "m("].into_iter();
+                            own.is_some_and(|own| names.any(|name| own.label.starts_with(name)))
+                        };
+                        let range = match argument.name.as_str() {
+                            "q" => 0.05,
+                            "phi" => 0.1,
+                            _ => 1.0,
+                        };
                         (0..argument.len)
-                            .map(|k| (home(k) + range * random(&mut seed)) as f32)
+                            .map(|k| {
+                                let middle = home(k) + f64::from(is_large(k));
+                                (middle + range * random(&mut seed)) as f32
+                            })
                             .collect()
                     })
                     .collect();

@@ -70,14 +70,22 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// Irregular arguments of a function near home; loops need not be closed.
+/// Irregular arguments of a function near home; loops need not be closed, but masses and moments of inertia are
+/// those of bodies, so that the mass matrix is positive definite.
 fn arguments(robot: &Robot, function: &Function) -> Vec<Vec<f64>> {
     let arguments = function.program.arguments.iter().enumerate();
     arguments
         .map(|(a, argument)| {
             let wave = |k: usize| (0.7 + 1.3 * a as f64 + 1.7 * k as f64).sin();
+            let is_large = |k: usize| {
+                let label = &robot.parameters[k].label;
+                let mut names = ["Ixx(", "Iyy(", "Izz(", "m("].into_iter();
+                names.any(|name| label.starts_with(name))
+            };
             let value = |k: usize| match argument.name.as_str() {
                 "q" => robot.home[k] + 0.05 * wave(k),
+                "phi" if is_large(k) => 1.0 + 0.1 * wave(k),
+                "phi" => 0.1 * wave(k),
                 _ => wave(k),
             };
             // exact in single precision too
