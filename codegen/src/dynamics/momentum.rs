@@ -6,7 +6,7 @@
 //! stays the same. So p is the power of the momentum of all that a joint carries on s, and dT/dq its
 //! power on the *turned* twist v x s.
 
-use crate::kinematics::{Frames, LinkMotion, Rates, Twist};
+use crate::kinematics::{Frames, LinkMotion, Rates, Twist, carried_outward};
 use crate::model::{Model, ParameterKind};
 use crate::sym::{Ex, Graph, ZERO3};
 
@@ -97,7 +97,9 @@ pub fn momentum_rate_columns(
     let width = j.width();
     let wanted = vec![true; model.parameters.len()];
     let resisting = reduced_regressor(g, model, rest, tree, rates, j, &wanted);
-    let turned = turned_twists(g, tree.frames, velocities);
+    let turned = carried_outward(g, tree.frames, |g, link, twist| {
+        turned(g, &velocities[link], twist)
+    });
     let by_independent: Vec<Vec<Ex>> = (0..width)
         .map(|i| j_rate.iter().map(|row| row[i]).collect())
         .collect();
@@ -138,26 +140,4 @@ pub fn momentum_rate_columns(
             entries.map(|(k, r)| g.sub(k, r)).collect()
         })
         .collect()
-}
-
-/// For each link, the coordinates that move it and their turned twists, in the link's frame.
-fn turned_twists(
-    g: &mut Graph,
-    frames: &Frames,
-    velocities: &[LinkMotion],
-) -> Vec<Vec<(usize, Twist)>> {
-    let mut all: Vec<Vec<(usize, Twist)>> = Vec::new();
-    for (link, frame) in frames.links.iter().enumerate() {
-        let inherited = frame.parent.map_or_else(Vec::new, |p| all[p].clone());
-        let mut own: Vec<(usize, Twist)> = inherited
-            .into_iter()
-            .map(|(c, t)| (c, t.carried(g, frames, link)))
-            .collect();
-        if let Some(joint) = frame.joint {
-            let twist = turned(g, &velocities[link], &joint.twist);
-            own.push((joint.coordinate, twist));
-        }
-        all.push(own);
-    }
-    all
 }

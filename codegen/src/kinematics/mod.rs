@@ -12,4 +12,4 @@ pub use chain::{Chain, ChainJoint, Start, centripetal};
 pub use frames::{FrameJoint, Frames, Geometry, LinkFrame, Turn, unit};
 pub use motion::{LinkMotion, Rates, motions};
 pub use springs::spring_column;
-pub use twist::{Twist, twists};
+pub use twist::{Twist, carried_outward, twists};

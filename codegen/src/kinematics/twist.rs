@@ -54,8 +54,15 @@ impl Twist {
     }
 }
 
-/// For each link, the coordinates that move it, from the base outward, and their unit twists.
-pub fn twists(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<(usize, Twist)>> {
+/// For each link, the coordinates that move it, from the base outward, and a twist of each, carried to the
+/// link.
+///
+/// - `of_joint`: the twist of a link's own joint, in the link's frame, from the link and its unit twist.
+pub fn carried_outward(
+    g: &mut Graph,
+    frames: &Frames,
+    mut of_joint: impl FnMut(&mut Graph, usize, &Twist) -> Twist,
+) -> Vec<Vec<(usize, Twist)>> {
     let mut all: Vec<Vec<(usize, Twist)>> = Vec::new();
     for (link, frame) in frames.links.iter().enumerate() {
         let inherited = frame.parent.map_or_else(Vec::new, |p| all[p].clone());
@@ -64,9 +71,18 @@ pub fn twists(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<(usize, 
             .map(|(c, t)| (c, t.carried(g, frames, link)))
             .collect();
         if let Some(joint) = frame.joint {
-            own.push((joint.coordinate, joint.twist));
+            own.push((joint.coordinate, of_joint(g, link, &joint.twist)));
         }
-        for (coordinate, twist) in &own {
+        all.push(own);
+    }
+    all
+}
+
+/// For each link, the coordinates that move it, from the base outward, and their unit twists.
+pub fn twists(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<(usize, Twist)>> {
+    let all = carried_outward(g, frames, |_, _, twist| *twist);
+    for (link, own) in all.iter().enumerate() {
+        for (coordinate, twist) in own {
             let (link, coordinate) = (
                 &model.links[link].name,
                 &model.coordinates[*coordinate].name,
@@ -76,7 +92,6 @@ pub fn twists(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<(usize, 
                 g.name(twist.u[axis], || format!("u_{link}_{coordinate}{letter}"));
             }
         }
-        all.push(own);
     }
     all
 }

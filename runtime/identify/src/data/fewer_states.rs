@@ -4,8 +4,9 @@
 //! a fast log are as many times the work for the same estimate. Positions and efforts pass a filter below half the
 //! rate of the states that remain before, so that noise of high frequencies does not appear at lower ones.
 
-use super::logs::{Log, Logs, signal};
+use super::logs::{Log, Logs};
 use super::problem::DataError;
+use super::thinned::filter_before;
 use crate::signals::{Butterworth, Method};
 use crate::states::{depends_on_direction, nonlinear_joints};
 use regen_runtime::BaseModel;
@@ -15,10 +16,6 @@ use regen_runtime::BaseModel;
 const RATE_PER_CUTOFF: f64 = 20.0;
 /// The same where friction changes its sign with the velocity: the instant of the change is known to a state.
 const RATE_WITH_FRICTION: f64 = 100.0;
-/// The order of the filter before.
-const ORDER: usize = 4;
-/// Its cutoff over the rate of the states.
-const CUTOFF_RATIO: f64 = 0.4;
 
 /// States at one of so many rows, and the filter that their signals pass before.
 pub(super) struct FewerStates {
@@ -67,9 +64,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         if every == 1 {
             return Ok(None);
         }
-        let step = log.survey.time_step();
-        let filter = Butterworth::new(ORDER, CUTOFF_RATIO / (every as f64 * step), step);
-        let filter = filter.map_err(|why| signal(&log.file, why))?;
+        let filter = filter_before(log, every)?;
         Ok(Some(FewerStates { every, filter }))
     }
 }

@@ -47,6 +47,7 @@ mod standstill;
 mod start;
 mod stretch;
 mod stuck;
+mod survey;
 mod table;
 mod thinned;
 mod tracks;

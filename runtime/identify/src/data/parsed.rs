@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::file_rows::{FileRow, Opening, RowFault, Table, Wanted};
 use super::memory::Room;
 use super::problem::{DataError, Fault};
-use super::reader::{Statistics, Surveyed};
+use super::survey::{Statistics, Surveyed};
 use super::table::Format;
 
 /// What has been read of the files of runs. Clones share it, so that a file is read once however often

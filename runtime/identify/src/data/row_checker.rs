@@ -6,7 +6,8 @@ use super::bridge::{Bridging, is_even};
 use super::layout::ColumnLayout;
 use super::policy::{Gaps, UsedFaults};
 use super::problem::{DataError, Fault, Problem, median};
-use super::reader::{LogRow, RowSink, Survey};
+use super::reader::{LogRow, RowSink};
+use super::survey::Survey;
 
 /// Rows on either side of a value that decide whether it is an outlier.
 const OUTLIER_NEIGHBOURS: usize = 3;

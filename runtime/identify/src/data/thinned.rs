@@ -14,6 +14,17 @@ use regen_runtime::Model;
 const ORDER: usize = 4;
 /// Its cutoff frequency over the rate of the rows that remain.
 const CUTOFF_RATIO: f64 = 0.4;
+
+/// The filter that the columns of a log pass before only one of `every` rows is used: noise of high frequencies
+/// would appear at lower ones.
+///
+/// # Errors
+/// When the cutoff is not below half the rate of the log.
+pub(super) fn filter_before(log: &Log, every: usize) -> Result<Butterworth, DataError> {
+    let step = log.survey.time_step();
+    let filter = Butterworth::new(ORDER, CUTOFF_RATIO / (every as f64 * step), step);
+    filter.map_err(|why| signal(&log.file, why))
+}
 /// The number of stretches of a log that is too long to be held whole.
 const PIECES: usize = 8;
 
@@ -217,10 +228,7 @@ fn without_rates(log: &Log) -> Log {
 
 /// One of `every` rows of a log, behind a low-pass filter.
 fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {
-    let step = log.survey.time_step();
-    let coarse = step * every as f64;
-    let filter = Butterworth::new(ORDER, CUTOFF_RATIO / coarse, step);
-    let filter = filter.map_err(|why| signal(&log.file, why))?;
+    let filter = filter_before(log, every)?;
     let margin = filter.settling();
     let mut stretches = Vec::new();
     for rows in log.kept.iter().flatten() {
@@ -281,6 +289,7 @@ fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {
             *own = encoder(*entry);
         }
     }
+    let coarse = log.survey.time_step() * every as f64;
     out.survey.raw_step = coarse;
     out.survey.time_step = coarse;
     out.kept = Some(stretches);
