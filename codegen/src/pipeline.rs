@@ -236,6 +236,11 @@ impl Mechanism {
         bodies.filter_map(|body| Some(self.model.bodies.get(*body)?.label.as_str()))
     }
 
+    /// The description, with every expression as written.
+    pub fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
     /// The mechanism's links, coordinates, cuts and parameters.
     pub fn model(&self) -> &Model {
         &self.model

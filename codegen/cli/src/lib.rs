@@ -6,6 +6,7 @@
 
 mod args;
 mod base;
+mod calibrate;
 pub mod call;
 mod check;
 mod choice;
@@ -89,6 +90,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Import(args)) => import::run(&args),
         Some(Command::Export(args)) => export::run(&args),
         Some(Command::Excite(args)) => excite::run(&args),
+        Some(Command::Calibrate(args)) => calibrate::run(&args),
         Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Observe(args)) => observe::run(&args),
         Some(Command::Identify(args)) => identify::run(&args),

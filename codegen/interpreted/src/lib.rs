@@ -21,6 +21,7 @@
 
 mod block;
 mod eval;
+mod kinematics;
 mod machine;
 mod schedule;
 mod tangent;
@@ -40,6 +41,7 @@ use regen_runtime::{
 
 pub use eval::Interpret;
 use eval::Programs;
+pub use kinematics::{ChosenGeometry, Described};
 
 /// A robot's programs with the names that its [`info`](Interpreted::info) refers to.
 ///

@@ -38,6 +38,7 @@ macro_rules! documents {
 
 documents! {
     Base "base" "The base parameters and their certificate."
+    Calibrate "calibrate" "The geometry that fits measurements, and what they cannot tell."
     Check "check" "A mechanism in words."
     Eval "eval" "Closure and regressors at states."
     Excite "excite" "A trajectory and how it keeps the limits."

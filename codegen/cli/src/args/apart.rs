@@ -14,7 +14,13 @@ const OUTPUTS: [&str; 8] = [
 
 /// Whether an argument of a command names a file that it writes.
 fn is_output(command: &str, argument: &str) -> bool {
-    OUTPUTS.contains(&argument) || (command, argument) == ("simulate", "controller")
+    OUTPUTS.contains(&argument)
+        || [
+            ("simulate", "controller"),
+            ("calibrate", "geometry"),
+            ("calibrate", "simulate"),
+        ]
+        .contains(&(command, argument))
 }
 
 /// The files that a parsed command writes, by the arguments that name them.

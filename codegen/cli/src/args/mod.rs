@@ -1,6 +1,7 @@
 //! The command line: commands, options, and the help text that clap prints for them.
 
 mod apart;
+mod calibrate;
 mod checks;
 mod derived;
 mod effects;
@@ -28,6 +29,7 @@ use regen_codegen::spec::nearest;
 use regen_report::documents::Document;
 
 pub(crate) use apart::require_unread;
+pub(crate) use calibrate::CalibrateArgs;
 pub(crate) use checks::{CheckArgs, VerifyArgs, VerifyFormat};
 pub(crate) use derived::{BaseArgs, EvalArgs, InfoArgs, ModelArgs, TableFormat};
 pub(crate) use effects::unused_keys;
@@ -256,6 +258,8 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Find an exciting trajectory within the robot's limits
     Excite(ExciteArgs),
+    /// Find a mechanism's geometry from poses that were measured, or what they can tell
+    Calibrate(CalibrateArgs),
     /// Describe logs and predict what they can identify, before any fit
     Inspect(Box<InspectArgs>),
     /// Reduce logs to a factor file, for `identify --from`

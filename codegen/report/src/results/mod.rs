@@ -19,6 +19,7 @@
 //! ```
 
 mod base;
+mod calibration;
 mod excitation;
 mod explanation;
 mod identification;
@@ -28,6 +29,9 @@ mod observation;
 mod rehearsal;
 
 pub use base::{BaseJson, BaseSummary, base, base_lines, base_summary};
+pub use calibration::{
+    Calibrated, FixedNumber, FoundNumber, Instrument, MeasuredFit, calibrated_text,
+};
 pub use excitation::{Excited, excited_text};
 pub use explanation::{ExplanationJson, explanation, explanation_text};
 pub use identification::{

@@ -1,6 +1,7 @@
 //! The keys of an experiment file, in the one table from which its checks, their messages and the
 //! JSON Schema follow.
 
+use super::keys_of_calibration::CALIBRATION;
 use super::keys_of_runs::{CONTROLLER, CONTROLLERS, PAYLOAD};
 use super::shape::{Entry, Range, Record, Shape};
 
@@ -97,6 +98,11 @@ pub(super) static FILE: Record = record(
             "runs",
             Shape::List(&Shape::Record(&RUN), None),
             "The runs of the robot",
+        ),
+        optional(
+            "calibrate",
+            Shape::Record(&CALIBRATION),
+            "What is measured of the robot's geometry: each row of the runs is a pose at rest",
         ),
     ],
 );

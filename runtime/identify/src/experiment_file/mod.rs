@@ -21,8 +21,10 @@
 //! each with its place and a remedy.
 
 mod addition;
+mod calibration;
 mod columns;
 mod keys;
+mod keys_of_calibration;
 mod keys_of_runs;
 mod process;
 mod quantity_kind;
@@ -32,6 +34,7 @@ mod shape;
 mod tests;
 
 pub use addition::with_process;
+pub use calibration::{Calibration, MeasuredFrame, MeasuredKind};
 
 use std::path::Path;
 
@@ -61,6 +64,8 @@ pub struct ExperimentFile {
     pub runs: Vec<PlannedRun>,
     /// The coordinates whose efforts are currents of unknown gains.
     pub unknown_gains: Vec<String>,
+    /// What is measured of the geometry; `None` if the file does not say it.
+    pub calibration: Option<Calibration>,
     /// The places of unknown gains.
     gain_places: Vec<usize>,
     /// For each run, the places of its payload and its controller.
@@ -210,6 +215,8 @@ impl ExperimentFile {
         let columns = columns::read(&root, info, &mut sink);
         let process = process::read(&root, info, &mut sink);
         let runs = runs::read(&root, info, &mut sink);
+        let calibration = root.get("calibrate");
+        let calibration = calibration.map(|node| calibration::read(node, &mut sink));
         if !sink.mistakes.is_empty() {
             let mut mistakes = sink.mistakes;
             mistakes.sort_by_key(|mistake| mistake.at);
@@ -222,6 +229,7 @@ impl ExperimentFile {
             },
             kind: process.kind,
             delay: process.delay,
+            calibration,
             places: runs.iter().map(|(_, at)| *at).collect(),
             runs: runs.into_iter().map(|(run, _)| run).collect(),
             gain_places: columns.unknown_gains.iter().map(|gain| gain.1).collect(),

@@ -1,0 +1,620 @@
+//! `regen calibrate`: the geometry of a mechanism from poses that were measured.
+
+use std::path::Path;
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use regen_calibrate::{
+    CalibrateError, Convention, Geometry, Kind, Mounting, Pose, Problem, Sensor, Simulation,
+};
+use regen_codegen::diag::Source;
+use regen_codegen::explain::lines::columns;
+use regen_codegen::pipeline::Mechanism;
+use regen_codegen::spec::edit::with_geometry;
+use regen_codegen::spec::nearest;
+use regen_identify::data::{Assignment, Quantity, RawLog, Run, Settings, ValuesFrom};
+use regen_identify::experiment_file::{
+    Calibration, ExperimentFile, MeasuredFrame, MeasuredKind, Purpose,
+};
+use regen_identify::text::figure_of;
+use regen_interpreted::{ChosenGeometry, Described};
+use regen_report::results::{Calibrated, calibrated_text};
+use regen_runtime::Info;
+use serde::Serialize;
+
+use crate::args::{CalibrateArgs, Format};
+use crate::exit::Failure;
+use crate::{load, mistakes, table, terminal, write};
+
+/// The hint for a file that is not an experiment.
+const OTHER_FILE: &str = "an experiment file with the key `calibrate`; `regen schema experiment` \
+                          describes it";
+
+/// Runs the command.
+pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
+    if !(args.confidence > 0.0 && args.confidence < 1.0) {
+        return Err(Failure::Usage(
+            "--confidence is a number between 0 and 1, such as 0.95".to_owned(),
+        ));
+    }
+    let spec = load::source(&args.spec)?;
+    let mechanism = load::mechanism(&spec)?;
+    let robot = mechanism.robot(&[])?;
+    let described = Described::new(mechanism.spec(), mechanism.model(), &robot);
+    let (source, file) = experiment(&args.file, &mechanism)?;
+    let Some(plan) = &file.calibration else {
+        return Err(Failure::Input(format!(
+            "{}: it has no key `calibrate`, which says what is measured; `regen schema experiment` \
+             describes it",
+            args.file.display()
+        )));
+    };
+    let own = args.file.parent().unwrap_or(Path::new(""));
+    let folder = args.folder.as_deref().unwrap_or(own);
+    let runs = file.runs_in(folder, Purpose::Identify);
+    let sensors = sensors(&source, plan, &described)?;
+    let geometry = geometry(args, plan, &described, &sensors)?;
+    let logs = match &args.simulate {
+        Some(_) => None,
+        None => read(&runs, &file.settings, plan, &mechanism)?,
+    };
+    let measured = match &logs {
+        Some(logs) => logs.measured.clone(),
+        None => stated(&file.settings, &mechanism),
+    };
+    let noise = vec![plan.noise; measured.len()];
+    let problem = Problem {
+        kinematics: &described.kinematics,
+        geometry: &geometry,
+        measured: &measured,
+        noise_of_readings: &noise,
+        sensors: &sensors,
+        tolerance: plan.tolerance,
+        poses: logs.as_ref().map_or(&[], |logs| &logs.poses),
+    };
+    let failed = |error: CalibrateError| match error {
+        CalibrateError::NotClosed | CalibrateError::NoPose => Failure::Numeric(error.to_string()),
+        _ => Failure::Input(format!("{}: {error}", args.file.display())),
+    };
+    if let Some(out) = &args.simulate {
+        return simulate(args, out, (&problem, plan, &file.settings), &robot.name);
+    }
+    let result = if logs.is_some() {
+        let fit = problem.calibrate(args.confidence).map_err(failed)?;
+        let mut found = Calibrated::of_fit(&robot.name, &problem, &fit, args.confidence);
+        found.doubts = problem.doubts().iter().map(ToString::to_string).collect();
+        found
+    } else {
+        if args.geometry.is_some() {
+            return Err(Failure::Usage(
+                "--geometry writes what was found, and FILE has no runs".to_owned(),
+            ));
+        }
+        let known = problem.known().map_err(failed)?;
+        Calibrated::of_known(&robot.name, &problem, &known, args.confidence)
+    };
+    if let Some(out) = &args.geometry {
+        write_geometry(out, &spec, &mechanism, &geometry, &result)?;
+    }
+    terminal::print(&match args.format {
+        Format::Human => calibrated_text(&result),
+        Format::Json => table::json(&result),
+    })
+}
+
+/// The true values of a simulated mechanism.
+#[derive(Serialize)]
+struct Simulated<'a> {
+    version: usize,
+    robot: &'a str,
+    poses: usize,
+    /// The names of the unknowns with their true values.
+    truth: Vec<(&'a str, f64)>,
+}
+
+/// Writes simulated poses in the columns of the file.
+fn simulate(
+    args: &CalibrateArgs,
+    out: &Path,
+    (problem, plan, settings): (&Problem<'_>, &Calibration, &Settings),
+    robot: &str,
+) -> Result<(), Failure> {
+    if !(args.perturb >= 0.0 && args.perturb < 1.0) {
+        return Err(Failure::Usage(
+            "--perturb is a number from 0 to 1, rad and m".to_owned(),
+        ));
+    }
+    let what = Simulation {
+        poses: args.poses,
+        errors: args.perturb,
+        noise: [5e-5, 1e-4],
+        seed: args.seed,
+    };
+    let simulated = problem.simulate(&what);
+    let (truth, poses) = simulated.map_err(|error| Failure::Numeric(error.to_string()))?;
+    let mut titles: Vec<String> = Vec::new();
+    // what converts SI to the entries of each reading's column
+    let mut scales: Vec<(f64, f64)> = Vec::new();
+    for c in problem.measured {
+        let name = &problem.kinematics.coordinates[*c];
+        let quantity = Quantity::Position(name.clone());
+        let assigned = settings.columns.iter().find(|own| own.quantity == quantity);
+        titles.push(assigned.map_or(name.clone(), |own| own.column.clone()));
+        scales.push(assigned.map_or((1.0, 0.0), |own| (own.factor, own.offset)));
+    }
+    for measured in &plan.measured {
+        titles.extend(measured.columns.iter().cloned());
+        titles.extend(
+            measured
+                .rotation
+                .iter()
+                .flat_map(|(_, columns)| columns.clone()),
+        );
+    }
+    let mut text = titles.join(",") + "\n";
+    for pose in &poses {
+        let readings = pose.readings.iter().zip(&scales);
+        let mut row: Vec<String> = readings
+            .map(|(x, (factor, offset))| format!("{:.9}", (x - offset) / factor))
+            .collect();
+        for (measured, values) in plan.measured.iter().zip(&pose.values) {
+            let Some(values) = values else { continue };
+            let (rotation, lengths) = match measured.kind {
+                MeasuredKind::Pose => values.split_at(9),
+                _ => (&[][..], &values[..]),
+            };
+            let factor = match measured.kind {
+                MeasuredKind::Gravity => 1.0,
+                _ => measured.length_factor,
+            };
+            let lengths = lengths.iter().take(measured.columns.len());
+            row.extend(lengths.map(|x| format!("{:.9}", x / factor)));
+            if let Some((word, _)) = &measured.rotation {
+                let convention = convention(word);
+                let numbers = convention.numbers(rotation);
+                let factor = match convention {
+                    Convention::Rpy | Convention::Vector => measured.angle_factor,
+                    _ => 1.0,
+                };
+                row.extend(numbers.iter().map(|x| format!("{:.9}", x / factor)));
+            }
+        }
+        text += &(row.join(",") + "\n");
+    }
+    write::atomically(out, &text)?;
+    terminal::note(&format!("{}: written", out.display()));
+    let unknowns = problem.geometry.unknowns().iter();
+    let truth = unknowns
+        .zip(&truth)
+        .map(|(unknown, value)| (unknown.name.as_str(), *value));
+    let truth = Simulated {
+        version: Calibrated::VERSION,
+        robot,
+        poses: poses.len(),
+        truth: truth.collect(),
+    };
+    terminal::print(&match args.format {
+        Format::Human => {
+            let rows = truth.truth.iter();
+            let rows: Vec<Vec<String>> = rows
+                .map(|(name, value)| vec![(*name).to_owned(), figure_of(6, *value)])
+                .collect();
+            columns(&["unknown", "true"], &rows)
+        }
+        Format::Json => table::json(&truth),
+    })
+}
+
+fn convention(word: &str) -> Convention {
+    match word {
+        "quaternion_wxyz" => Convention::QuaternionWxyz,
+        "quaternion_xyzw" => Convention::QuaternionXyzw,
+        "rpy" => Convention::Rpy,
+        "vector" => Convention::Vector,
+        _ => Convention::Matrix,
+    }
+}
+
+/// Reads the experiment file.
+fn experiment(path: &Path, mechanism: &Mechanism) -> Result<(Source, ExperimentFile), Failure> {
+    let source = load::file(path)?;
+    let model = mechanism.model();
+    let coordinates: Vec<&str> = model.coordinates.iter().map(|c| c.name.as_str()).collect();
+    let info = Info {
+        name: "the robot",
+        coordinates: &coordinates,
+        actuated: &model.actuated,
+        ..Info::EMPTY
+    };
+    match ExperimentFile::read(&source.text, &info) {
+        Ok(file) => Ok((source, file)),
+        Err(found) => Err(mistakes::failure(source, found, OTHER_FILE)),
+    }
+}
+
+/// The sensors of a plan.
+fn sensors(
+    source: &Source,
+    plan: &Calibration,
+    described: &Described,
+) -> Result<Vec<Sensor>, Failure> {
+    let frames = &described.kinematics.frames;
+    let mut out = Vec::new();
+    for (k, measured) in plan.measured.iter().enumerate() {
+        let Some(frame) = frames.iter().position(|(name, _)| *name == measured.frame) else {
+            let names = || frames.iter().map(|(name, _)| name.as_str());
+            let hint = match nearest(&measured.frame, names()) {
+                Some(near) => format!("did you mean '{near}'?"),
+                None => format!(
+                    "its frames and bodies are {}",
+                    names().collect::<Vec<_>>().join(", ")
+                ),
+            };
+            let mistake = regen_identify::files::Mistake {
+                at: measured.at,
+                path: "`calibrate`, `measure`".to_owned(),
+                message: format!("'{}' is no frame and no body of the robot", measured.frame),
+                remedy: Some(regen_identify::files::Remedy::Words(hint)),
+            };
+            let all = regen_identify::files::Mistakes(vec![mistake]);
+            return Err(mistakes::failure(source.clone(), all, OTHER_FILE));
+        };
+        let kind = match measured.kind {
+            MeasuredKind::Pose => Kind::Pose,
+            MeasuredKind::Point => Kind::Point,
+            MeasuredKind::Distance => Kind::Distance,
+            MeasuredKind::Plane => Kind::Plane,
+            MeasuredKind::Gravity => Kind::Gravity,
+        };
+        let normal = Vector3::from(measured.normal);
+        let axes = match kind {
+            Kind::Plane => {
+                let turn = Rotation3::rotation_between(&Vector3::z(), &normal);
+                // half a turn has no axis of its own
+                turn.map_or_else(
+                    || Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
+                    |turn| *turn.matrix(),
+                )
+            }
+            _ => Matrix3::identity(),
+        };
+        let alike = |own: &&MeasuredFrame| own.frame == measured.frame && own.kind == measured.kind;
+        let name = format!("{} of {}", word(measured.kind), measured.frame);
+        let several = plan.measured.iter().filter(alike).count() > 1;
+        let before = plan.measured[..k].iter().filter(alike).count();
+        out.push(Sensor {
+            name: if several {
+                format!("{name} ({})", before + 1)
+            } else {
+                name
+            },
+            kind,
+            frame,
+            mounting: Mounting {
+                axes,
+                point: Vector3::from(measured.from),
+                unknown: measured.unknown_instrument && kind != Kind::Gravity,
+            },
+            noise: measured.noise,
+            noise_of_angles: measured.noise_of_angles,
+        });
+    }
+    Ok(out)
+}
+
+fn word(kind: MeasuredKind) -> &'static str {
+    match kind {
+        MeasuredKind::Pose => "pose",
+        MeasuredKind::Point => "point",
+        MeasuredKind::Distance => "distance",
+        MeasuredKind::Plane => "plane",
+        MeasuredKind::Gravity => "gravity",
+    }
+}
+
+/// What is unknown: as the options say, else the file, else every error of a placement.
+fn geometry<'d>(
+    args: &CalibrateArgs,
+    plan: &Calibration,
+    described: &'d Described,
+    sensors: &[Sensor],
+) -> Result<ChosenGeometry<'d>, Failure> {
+    let wanted = if args.unknown.is_empty() {
+        &plan.unknown
+    } else {
+        &args.unknown
+    };
+    if wanted.is_empty() {
+        let observed: Vec<usize> = sensors.iter().map(|sensor| sensor.frame).collect();
+        return Ok(described.with_all_errors(&observed));
+    }
+    described.with(wanted).map_err(|name| {
+        let known = described.names();
+        let near = nearest(name, known.iter().copied());
+        let hint = match near {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => {
+                let owners = known.iter().filter_map(|own| Some(own.rsplit_once('.')?.0));
+                let mut names: Vec<&str> = known
+                    .iter()
+                    .copied()
+                    .filter(|own| !own.contains('.'))
+                    .collect();
+                names.extend(owners);
+                names.dedup();
+                format!("these can be unknown: {}", names.join(", "))
+            }
+        };
+        Failure::Input(format!("'{name}' is nothing of the geometry; {hint}"))
+    })
+}
+
+/// The coordinates that are measured according to the columns, or the actuated ones.
+fn stated(settings: &Settings, mechanism: &Mechanism) -> Vec<usize> {
+    let model = mechanism.model();
+    let names = settings
+        .columns
+        .iter()
+        .filter_map(|column| match &column.quantity {
+            Quantity::Position(name) => Some(name),
+            _ => None,
+        });
+    let mut found: Vec<usize> = names
+        .filter_map(|name| model.coordinates.iter().position(|c| c.name == *name))
+        .collect();
+    found.sort_unstable();
+    if found.is_empty() {
+        model.actuated.clone()
+    } else {
+        found
+    }
+}
+
+/// The poses of the runs, with the coordinates that are measured.
+struct Poses {
+    measured: Vec<usize>,
+    poses: Vec<Pose>,
+}
+
+/// Reads the poses; `None` without runs.
+fn read(
+    runs: &[Run],
+    settings: &Settings,
+    plan: &Calibration,
+    mechanism: &Mechanism,
+) -> Result<Option<Poses>, Failure> {
+    let mut out: Option<Poses> = None;
+    for run in runs {
+        if let Some(missing) = run.missing() {
+            return Err(Failure::Io(missing));
+        }
+        let log = RawLog::open(run, settings)?;
+        let layout = Layout::new(&log, settings, plan, mechanism)?;
+        let measured: Vec<usize> = layout.coordinates.iter().map(|(c, ..)| *c).collect();
+        let out = out.get_or_insert_with(|| Poses {
+            measured: measured.clone(),
+            poses: Vec::new(),
+        });
+        if out.measured != measured {
+            return Err(Failure::Input(format!(
+                "{}: it has columns of other coordinates than the runs before it",
+                log.name()
+            )));
+        }
+        let mut wrong: Option<String> = None;
+        let mut unusable: Vec<String> = Vec::new();
+        log.visit(&mut |row| match row {
+            Ok((line, values)) => match layout.pose(line, values.get(1..).unwrap_or_default()) {
+                Ok(pose) => out.poses.push(pose),
+                Err(why) => {
+                    wrong.get_or_insert_with(|| format!("{}: row {line}: {why}", log.name()));
+                }
+            },
+            Err(problem) => unusable.push(problem.to_string()),
+        })?;
+        if let Some(first) = unusable.first() {
+            terminal::note(&format!(
+                "note: {}: {} left out: {first}",
+                log.name(),
+                match unusable.len() {
+                    1 => "1 row is".to_owned(),
+                    count => format!("{count} rows are"),
+                }
+            ));
+        }
+        if let Some(wrong) = wrong {
+            return Err(Failure::Input(wrong));
+        }
+    }
+    Ok(out)
+}
+
+/// Where a log has what is measured.
+struct Layout<'p> {
+    /// Each measured coordinate, its place among the numbers of a row, factor and offset.
+    coordinates: Vec<(usize, Option<usize>, f64, f64)>,
+    /// For each sensor, its plan and the places of its columns and of its rotation's.
+    sensors: Vec<(
+        &'p MeasuredFrame,
+        Vec<usize>,
+        Option<(Convention, Vec<usize>)>,
+    )>,
+}
+
+impl<'p> Layout<'p> {
+    fn new(
+        log: &RawLog,
+        settings: &Settings,
+        plan: &'p Calibration,
+        mechanism: &Mechanism,
+    ) -> Result<Self, Failure> {
+        let model = mechanism.model();
+        let place = |name: &str| place(log, name, None);
+        let mut coordinates = Vec::new();
+        for (c, coordinate) in model.coordinates.iter().enumerate() {
+            let is_own =
+                |own: &&Assignment| own.quantity == Quantity::Position(coordinate.name.clone());
+            let assigned = settings.columns.iter().find(is_own);
+            match assigned {
+                Some(own) if own.from == ValuesFrom::Constant => {
+                    coordinates.push((c, None, 0.0, own.offset));
+                }
+                Some(own) => {
+                    let at = self::place(log, &own.column, own.number)?;
+                    coordinates.push((c, Some(at), own.factor, own.offset));
+                }
+                None if log.titles().contains(&coordinate.name) => {
+                    coordinates.push((c, Some(place(&coordinate.name)?), 1.0, 0.0));
+                }
+                None => {}
+            }
+        }
+        if coordinates.is_empty() {
+            return Err(Failure::Input(format!(
+                "{}: no column is named as a coordinate, and `columns` assigns none",
+                log.name()
+            )));
+        }
+        let mut sensors = Vec::new();
+        for measured in &plan.measured {
+            let columns = measured.columns.iter();
+            let columns: Vec<usize> = columns.map(|name| place(name)).collect::<Result<_, _>>()?;
+            let rotation = match &measured.rotation {
+                None => None,
+                Some((word, names)) => {
+                    let convention = convention(word);
+                    let places = names.iter().map(|name| place(name));
+                    Some((convention, places.collect::<Result<Vec<_>, _>>()?))
+                }
+            };
+            sensors.push((measured, columns, rotation));
+        }
+        Ok(Self {
+            coordinates,
+            sensors,
+        })
+    }
+
+    /// The pose of a row of numbers.
+    fn pose(&self, row: u64, values: &[f64]) -> Result<Pose, String> {
+        let at = |place: &usize| values.get(*place).copied().unwrap_or(f64::NAN);
+        let readings = self
+            .coordinates
+            .iter()
+            .map(|(_, place, factor, offset)| place.as_ref().map_or(0.0, at) * factor + offset);
+        let mut sensors = Vec::new();
+        for (measured, columns, rotation) in &self.sensors {
+            let mut numbers = Vec::new();
+            if let Some((convention, places)) = rotation {
+                let own: Vec<f64> = places.iter().map(at).collect();
+                let factor = match convention {
+                    Convention::Rpy | Convention::Vector => measured.angle_factor,
+                    _ => 1.0,
+                };
+                let own: Vec<f64> = own.iter().map(|x| x * factor).collect();
+                if own.iter().all(|x| x.is_finite()) {
+                    let matrix = convention.matrix(&own).ok_or_else(|| {
+                        format!(
+                            "the columns {} are no rotation: look at the order and at the convention",
+                            measured.rotation.as_ref().map_or(String::new(), |(_, c)| c.join(", "))
+                        )
+                    })?;
+                    numbers.extend(matrix);
+                } else {
+                    numbers.extend([f64::NAN; 9]);
+                }
+            }
+            let factor = match measured.kind {
+                MeasuredKind::Gravity => 1.0,
+                _ => measured.length_factor,
+            };
+            numbers.extend(columns.iter().map(|place| at(place) * factor));
+            if measured.kind == MeasuredKind::Plane && columns.is_empty() {
+                numbers.push(0.0);
+            }
+            // where a sensor saw nothing its entries are empty
+            let seen = numbers.iter().all(|x| x.is_finite());
+            sensors.push(seen.then_some(numbers));
+        }
+        Ok(Pose {
+            row,
+            readings: readings.collect(),
+            values: sensors,
+        })
+    }
+}
+
+/// The place of a column among the numbers of a row.
+fn place(log: &RawLog, name: &str, number: Option<usize>) -> Result<usize, Failure> {
+    let titles = log.titles();
+    let number = number.or_else(|| {
+        name.parse()
+            .ok()
+            .filter(|_| !titles.iter().any(|t| t == name))
+    });
+    let index = match number {
+        Some(number) => number.checked_sub(1).filter(|k| *k < titles.len()),
+        None => titles.iter().position(|title| title == name),
+    };
+    let missing = || {
+        let near = nearest(name, titles.iter().map(String::as_str));
+        let hint = match near {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("its columns are {}", titles.join(", ")),
+        };
+        Failure::Input(format!("{}: it has no column '{name}'; {hint}", log.name()))
+    };
+    let index = index.ok_or_else(missing)?;
+    let numbers = log.numbers().iter().position(|own| *own == index);
+    numbers.ok_or_else(|| {
+        Failure::Input(format!(
+            "{}: the column '{name}' has no numbers",
+            log.name()
+        ))
+    })
+}
+
+/// Writes the spec with the constants that were found.
+fn write_geometry(
+    out: &Path,
+    source: &Source,
+    mechanism: &Mechanism,
+    geometry: &ChosenGeometry<'_>,
+    result: &Calibrated,
+) -> Result<(), Failure> {
+    let unknowns = geometry.unknowns();
+    let constants: Vec<&str> = geometry.constants().map(|(_, name)| name).collect();
+    let found = result.estimates.iter();
+    let others: Vec<&str> = found
+        .clone()
+        .filter(|own| !constants.contains(&own.name.as_str()))
+        .map(|own| own.name.as_str())
+        .collect();
+    if !others.is_empty() || constants.is_empty() {
+        return Err(Failure::Usage(format!(
+            "--geometry writes names of `geometry`, and {} are errors of placements: give the names that \
+             are unknown with --unknown",
+            if others.is_empty() {
+                "the unknowns".to_owned()
+            } else {
+                others.join(", ")
+            }
+        )));
+    }
+    let texts: Vec<(&str, String)> = found
+        .filter_map(|own| {
+            Some((
+                unknowns.iter().find(|u| u.name == own.name)?.name.as_str(),
+                format!("{:?}", own.value?),
+            ))
+        })
+        .collect();
+    let values: Vec<(&str, &str)> = texts
+        .iter()
+        .map(|(name, text)| (*name, text.as_str()))
+        .collect();
+    let text = with_geometry(&source.text, mechanism.spec(), &values)
+        .map_err(|name| Failure::Input(format!("'{name}' is not written in the spec itself")))?;
+    write::atomically(out, &text)?;
+    terminal::note(&format!("{}: written", out.display()));
+    Ok(())
+}

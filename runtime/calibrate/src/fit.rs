@@ -1,0 +1,738 @@
+//! The geometry that fits measurements best, with deviations, and what they cannot tell.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+
+use crate::closure::Split;
+use crate::equations::{Block, Group, Point, Pose, Problem};
+use crate::geometry::{Kept, Unit};
+use crate::sensor::{Kind, Mounting};
+use crate::structure::{Reached, Structure, Why};
+
+/// The largest number of steps of a search.
+const STEPS: usize = 60;
+/// A step that is no longer made, in standard deviations.
+const NEGLIGIBLE: f64 = 1e-3;
+/// The part of the normal matrix's diagonal by which rounding errors are kept from its rank.
+const LEAST_DAMPING: f64 = 1e-14;
+/// The largest number of times that standard deviations are estimated again.
+const ROUNDS: usize = 20;
+/// A pose is left out beyond this many times its expected deviation.
+const OUTLYING: f64 = 5.0;
+/// The largest part of the poses that is left out.
+const MOST_LEFT_OUT: f64 = 0.3;
+/// The correlation from which two estimates are named.
+const CORRELATED: f64 = 0.95;
+
+/// A number of the geometry that was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: Unit,
+    /// The value of the description.
+    pub nominal: f64,
+    /// The value that fits best.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+    /// The interval of the confidence that was asked for.
+    pub interval: [f64; 2],
+}
+
+/// An unknown that stays at its nominal value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fixed {
+    /// Its name.
+    pub name: String,
+    /// Why it stays.
+    pub why: Why,
+    /// The found numbers that its error changes, each with the change for a unit error.
+    pub by: Vec<(String, f64)>,
+}
+
+/// How well measurements of one kind are predicted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroupFit {
+    /// What was measured.
+    pub group: Group,
+    /// How many numbers.
+    pub count: usize,
+    /// The standard deviation of its noise, m or rad: stated, or estimated.
+    pub sigma: f64,
+    /// Whether it was stated.
+    pub is_stated: bool,
+    /// The rms of the residuals with the nominal geometry, where only instruments were placed.
+    pub before: f64,
+    /// The rms of the residuals of the fit.
+    pub after: f64,
+    /// The rms of what a fit without the pose would leave at it.
+    pub unseen: f64,
+}
+
+/// A calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// What was found, in the order of the unknowns.
+    pub estimates: Vec<Estimate>,
+    /// What stays at its nominal value.
+    pub fixed: Vec<Fixed>,
+    /// The values of all unknowns.
+    pub values: Vec<f64>,
+    /// Where the instruments are.
+    pub mountings: Vec<Mounting>,
+    /// How well each kind of measurement fits.
+    pub groups: Vec<GroupFit>,
+    /// The rows of poses that were left out because they do not fit the others.
+    pub outliers: Vec<u64>,
+    /// The rows of poses that the mechanism cannot reach.
+    pub unreachable: Vec<u64>,
+    /// The number of poses that were used.
+    pub poses: usize,
+    /// The sum of the squared residuals over their variances, and its degrees of freedom, where all
+    /// noise is stated.
+    pub chi_square: Option<(f64, usize)>,
+    /// Pairs of estimates that determine each other, with their correlation.
+    pub correlated: Vec<(String, String, f64)>,
+    /// The residuals of each used pose: its row, then each number with its group, before and after.
+    pub residuals: Vec<PoseResiduals>,
+    /// Whether the search ended at a minimum.
+    pub converged: bool,
+}
+
+/// The residuals of a pose: predictions less measurements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseResiduals {
+    /// Its row in the log.
+    pub row: u64,
+    /// What each number is.
+    pub groups: Vec<Group>,
+    /// With the nominal geometry.
+    pub before: Vec<f64>,
+    /// With the one that was found.
+    pub after: Vec<f64>,
+}
+
+/// Why there is no calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CalibrateError {
+    /// The measured coordinates do not determine the state of the mechanism.
+    NotDetermined,
+    /// The mechanism reaches none of the poses.
+    NoPose,
+    /// There are fewer measurements than what is sought: how many of each.
+    TooFew {
+        /// The measured numbers.
+        numbers: usize,
+        /// The numbers that are sought.
+        sought: usize,
+    },
+    /// Nothing of the geometry changes what is measured.
+    NothingToFind,
+    /// The geometry has no finite values, or no state of it closes.
+    NotClosed,
+}
+
+impl core::fmt::Display for CalibrateError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NotDetermined => f.write_str(
+                "the measured coordinates do not determine the others: measure as many as the \
+                 mechanism has freedoms",
+            ),
+            Self::NoPose => f.write_str("the mechanism reaches none of the poses"),
+            Self::TooFew { numbers, sought } => write!(
+                f,
+                "{numbers} measured numbers do not suffice for {sought} unknown ones: measure more \
+                 poses, or state fewer unknowns"
+            ),
+            Self::NothingToFind => {
+                f.write_str("nothing of the unknown geometry changes what is measured")
+            }
+            Self::NotClosed => f.write_str("the loops do not close with the nominal geometry"),
+        }
+    }
+}
+
+impl core::error::Error for CalibrateError {}
+
+/// Standard deviations by group.
+type Sigmas = Vec<(Group, f64)>;
+
+/// A search over some of the columns: freedoms of mountings, then unknowns.
+struct Search<'a> {
+    problem: &'a Problem<'a>,
+    split: &'a Split,
+    poses: &'a [Pose],
+    columns: &'a [usize],
+}
+
+/// Where a search ended.
+struct Found {
+    point: Point,
+    /// Unweighted residuals.
+    blocks: Vec<Block>,
+    converged: bool,
+}
+
+fn sigma_of(sigmas: &Sigmas, group: Group) -> Option<f64> {
+    let own = sigmas.iter().find(|(own, _)| *own == group);
+    own.map(|(_, sigma)| *sigma)
+}
+
+impl Search<'_> {
+    fn whitened(&self, blocks: &[Block], sigmas: &Sigmas) -> Option<Vec<Block>> {
+        let of = |group| sigma_of(sigmas, group);
+        let blocks = blocks.iter();
+        blocks
+            .map(|block| self.problem.whitened(self.split, block, &of))
+            .collect()
+    }
+
+    /// The loss: half the sum of the squares, or Huber's function of each pose's norm.
+    fn loss(&self, blocks: &[Block], point: &Point, robust: bool) -> f64 {
+        let each = blocks.iter().map(|block| {
+            let square = block.residual.norm_squared();
+            let bound = bound_of(block.residual.len());
+            if robust && square > bound * bound {
+                bound * (libm::sqrt(square) - 0.5 * bound)
+            } else {
+                0.5 * square
+            }
+        });
+        each.sum::<f64>() + 0.5 * self.errors(point).map(|(_, e)| e * e).sum::<f64>()
+    }
+
+    /// The columns of the geometry, as places among those searched, with their errors at a point in
+    /// units of the tolerance; none without one.
+    fn errors(&self, point: &Point) -> impl Iterator<Item = (usize, f64)> {
+        let unknowns = self.problem.geometry.unknowns();
+        let freedoms = self.problem.freedoms();
+        let tolerance = self.problem.tolerance;
+        let columns = self.columns.iter().enumerate();
+        columns.filter_map(move |(k, column)| {
+            let place = column.checked_sub(freedoms)?;
+            let error = point.values.get(place)? - unknowns.get(place)?.nominal;
+            Some((k, error / tolerance?))
+        })
+    }
+
+    /// Levenberg and Marquardt's search from a point.
+    fn run(&self, start: Point, sigmas: &Sigmas, robust: bool) -> Option<Found> {
+        let mut point = start;
+        let mut blocks = self.problem.blocks(self.split, &point, self.poses)?;
+        let mut weighted = self.whitened(&blocks, sigmas)?;
+        let mut loss = self.loss(&weighted, &point, robust);
+        let mut damping = 1e-8;
+        let total = weighted.first().map_or(0, |block| block.slopes.ncols());
+        let mut converged = false;
+        for _ in 0..STEPS {
+            let n = self.columns.len();
+            let mut normal = DMatrix::<f64>::zeros(n, n);
+            let mut gradient = DVector::<f64>::zeros(n);
+            for block in &weighted {
+                let j = block.slopes.select_columns(self.columns);
+                let norm = block.residual.norm();
+                let bound = bound_of(block.residual.len());
+                let weight = if robust && norm > bound {
+                    bound / norm
+                } else {
+                    1.0
+                };
+                normal += weight * j.transpose() * &j;
+                gradient += weight * j.transpose() * &block.residual;
+            }
+            if let Some(tolerance) = self.problem.tolerance {
+                for (k, error) in self.errors(&point) {
+                    normal[(k, k)] += 1.0 / (tolerance * tolerance);
+                    gradient[k] += error / tolerance;
+                }
+            }
+            let scale: Vec<f64> = (0..n)
+                .map(|k| libm::sqrt(normal[(k, k)]).max(1e-300))
+                .collect();
+            let solve = |damping: f64| {
+                let scaled = DMatrix::from_fn(n, n, |i, j| {
+                    let entry = normal[(i, j)] / (scale[i] * scale[j]);
+                    if i == j { entry + damping } else { entry }
+                });
+                let right = DVector::from_fn(n, |k, _| -gradient[k] / scale[k]);
+                Some(scaled.cholesky()?.solve(&right))
+            };
+            // the whole step, in standard deviations of the estimates at most: a damped one is short
+            // along directions that are known badly
+            if solve(LEAST_DAMPING).is_some_and(|step| step.norm() < NEGLIGIBLE) {
+                converged = true;
+                break;
+            }
+            let mut accepted = None;
+            while damping < 1e12 {
+                let Some(solved) = solve(damping) else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let mut step = vec![0.0; total];
+                for (k, column) in self.columns.iter().enumerate() {
+                    step[*column] = solved[k] / scale[k];
+                }
+                let next = self.problem.moved(self.split, &point, &step);
+                let next = next.and_then(|next| {
+                    let blocks = self.problem.blocks(self.split, &next, self.poses)?;
+                    let weighted = self.whitened(&blocks, sigmas)?;
+                    let loss = self.loss(&weighted, &next, robust);
+                    loss.is_finite().then_some((next, blocks, weighted, loss))
+                });
+                match next {
+                    Some(next) if next.3 <= loss * (1.0 + 1e-13) => {
+                        damping = (damping * 0.01).max(LEAST_DAMPING);
+                        accepted = Some(next);
+                        break;
+                    }
+                    _ => damping *= 10.0,
+                }
+            }
+            let Some(next) = accepted else {
+                // no step lowers it: rounding errors are left
+                converged = gradient
+                    .iter()
+                    .zip(&scale)
+                    .all(|(g, s)| (g / s).abs() < 1e-3);
+                break;
+            };
+            (point, blocks, weighted, loss) = next;
+        }
+        Some(Found {
+            point,
+            blocks,
+            converged,
+        })
+    }
+
+    /// The leverages of every row and the inverse of the normal matrix, weighted.
+    fn statistics(&self, weighted: &[Block]) -> Option<(DMatrix<f64>, Vec<DMatrix<f64>>)> {
+        let n = self.columns.len();
+        let mut normal = DMatrix::<f64>::zeros(n, n);
+        for block in weighted {
+            let j = block.slopes.select_columns(self.columns);
+            normal += j.transpose() * j;
+        }
+        if let Some(tolerance) = self.problem.tolerance {
+            let freedoms = self.problem.freedoms();
+            for (k, column) in self.columns.iter().enumerate() {
+                if *column >= freedoms {
+                    normal[(k, k)] += 1.0 / (tolerance * tolerance);
+                }
+            }
+        }
+        let scale: Vec<f64> = (0..n)
+            .map(|k| libm::sqrt(normal[(k, k)]).max(1e-300))
+            .collect();
+        let scaled = DMatrix::from_fn(n, n, |i, j| normal[(i, j)] / (scale[i] * scale[j]));
+        let inverse = scaled.cholesky()?.inverse();
+        let covariance = DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / (scale[i] * scale[j]));
+        let hats = weighted.iter().map(|block| {
+            let j = block.slopes.select_columns(self.columns);
+            &j * &covariance * j.transpose()
+        });
+        let hats = hats.collect();
+        Some((covariance, hats))
+    }
+
+    /// The search with standard deviations that are estimated where none are stated.
+    fn settle(&self, start: Point, sigmas: &mut Sigmas, robust: bool) -> Option<Found> {
+        let mut found = self.run(start, sigmas, robust)?;
+        for _ in 0..ROUNDS {
+            let weighted = self.whitened(&found.blocks, sigmas)?;
+            let (_, hats) = self.statistics(&weighted)?;
+            let mut change: f64 = 0.0;
+            for (group, sigma) in sigmas.iter_mut() {
+                if self.problem.stated(*group).is_some() {
+                    continue;
+                }
+                let factor = if robust {
+                    robust_factor(&weighted, *group)
+                } else {
+                    let (mut sum, mut freedoms) = (0.0, 0.0);
+                    for (block, hat) in weighted.iter().zip(&hats) {
+                        for (k, own) in block.groups.iter().enumerate() {
+                            if own == group {
+                                sum += block.residual[k] * block.residual[k];
+                                freedoms += 1.0 - hat[(k, k)];
+                            }
+                        }
+                    }
+                    if freedoms < 0.5 {
+                        1.0
+                    } else {
+                        libm::sqrt(sum / freedoms)
+                    }
+                };
+                // residuals that are rounding errors have no smaller deviation
+                let next = (*sigma * factor).max(1e-12);
+                change = change.max((next / *sigma - 1.0).abs());
+                *sigma = next;
+            }
+            if change < 1e-3 {
+                break;
+            }
+            found = self.run(found.point, sigmas, robust)?;
+        }
+        Some(found)
+    }
+}
+
+/// From which norm the residuals of a pose count as its length: 1.345 for one number (Huber).
+fn bound_of(rows: usize) -> f64 {
+    1.345 * libm::sqrt(rows.max(1) as f64)
+}
+
+/// The median of the sizes of a group's weighted residuals over that of noise.
+fn robust_factor(weighted: &[Block], group: Group) -> f64 {
+    let mut sizes: Vec<f64> = Vec::new();
+    for block in weighted {
+        let own = block.groups.iter().zip(block.residual.iter());
+        sizes.extend(own.filter(|(g, _)| **g == group).map(|(_, r)| r.abs()));
+    }
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() / 2).map_or(1.0, |m| m / 0.6745)
+}
+
+/// The rotation and shift that bring points and rotations of an instrument onto those in the world
+/// (Arun, Huang, Blostein 1987).
+pub(crate) fn aligned(
+    pairs: &[(Vector3<f64>, Vector3<f64>)],
+    turns: &Matrix3<f64>,
+) -> Option<Mounting> {
+    let n = pairs.len() as f64;
+    let mean = |k: usize| {
+        let sum: Vector3<f64> = pairs.iter().map(|p| if k == 0 { p.0 } else { p.1 }).sum();
+        sum / n
+    };
+    let (world, own) = (mean(0), mean(1));
+    let mut cross: Matrix3<f64> = *turns;
+    for (a, b) in pairs {
+        cross += (a - world) * (b - own).transpose();
+    }
+    let svd = cross.svd(true, true);
+    let (u, v) = (svd.u?, svd.v_t?);
+    let mut signs = Matrix3::identity();
+    signs[(2, 2)] = (u * v).determinant().signum();
+    let axes = u * signs * v;
+    Some(Mounting {
+        axes,
+        point: world - axes * own,
+        unknown: true,
+    })
+}
+
+impl Problem<'_> {
+    /// Where unknown cameras and trackers are, from what the nominal geometry predicts.
+    pub(crate) fn placed(&self, scalars: &[f64], states: &[Vec<f64>]) -> Vec<Mounting> {
+        let frames: Vec<_> = states
+            .iter()
+            .map(|q| self.kinematics.frames(scalars, q))
+            .collect();
+        let sensors = self.sensors.iter().enumerate();
+        sensors
+            .map(|(k, sensor)| {
+                if !sensor.mounting.unknown || !matches!(sensor.kind, Kind::Pose | Kind::Point) {
+                    return sensor.mounting;
+                }
+                let mut pairs = Vec::new();
+                let mut turns = Matrix3::zeros();
+                for (pose, frames) in self.poses.iter().zip(&frames) {
+                    let values = pose.values.get(k).and_then(Option::as_ref);
+                    let (Some(values), Some(frame)) = (values, frames.get(sensor.frame)) else {
+                        continue;
+                    };
+                    if let [.., x, y, z] = values[..] {
+                        pairs.push((frame.point, Vector3::new(x, y, z)));
+                    }
+                    if sensor.kind == Kind::Pose {
+                        turns += frame.axes * Matrix3::from_row_slice(&values[..9]).transpose();
+                    }
+                }
+                // rotations count as points at the distance of the others
+                let spread = pairs.iter().map(|p| p.0.norm_squared()).sum::<f64>();
+                let weight = 0.1 * spread / (pairs.len().max(1) as f64);
+                aligned(&pairs, &(weight * turns)).unwrap_or(sensor.mounting)
+            })
+            .collect()
+    }
+
+    /// Finds the geometry.
+    ///
+    /// - `confidence`: of the intervals, between 0 and 1.
+    ///
+    /// Poses that do not fit the others are left out, and named. Standard deviations that are not
+    /// stated are estimated from the residuals, those of each kind of measurement from its own. What
+    /// cannot be told apart stays at its nominal value ([`Fixed`]), and estimates stand for it.
+    ///
+    /// # Errors
+    /// When the readings do not determine states of the mechanism, no pose is reached, or there is
+    /// too little or nothing to find.
+    pub fn calibrate(&self, confidence: f64) -> Result<Fit, CalibrateError> {
+        let reached = self.reach_all()?;
+        let structure = Structure::new(self, &reached)?;
+        let problem = Problem {
+            poses: &reached.poses,
+            ..*self
+        };
+        let mut point = Point {
+            values: reached.nominal.clone(),
+            mountings: problem.placed(&reached.scalars, &reached.states),
+            states: reached.states.clone(),
+        };
+        let freedoms = problem.freedoms();
+        let blocks = problem
+            .blocks(&reached.split, &point, problem.poses)
+            .ok_or(CalibrateError::NotClosed)?;
+        let mut groups: Vec<Group> = blocks.iter().flat_map(|b| b.groups.clone()).collect();
+        let numbers = groups.len();
+        groups.sort_unstable();
+        groups.dedup();
+        // a first guess of unstated noise, which only weighs kinds against each other
+        let mut sigmas: Sigmas = groups
+            .iter()
+            .map(|group| (*group, problem.stated(*group).unwrap_or(1e-3)))
+            .collect();
+        let chosen = self.shown(&reached, &structure, &blocks, &sigmas)?;
+        let kept = Kept::new(problem.geometry, &reached.nominal, &chosen.kept, freedoms);
+        let problem = Problem {
+            geometry: &kept,
+            ..problem
+        };
+        point.values = kept.nominal();
+        let placed = chosen.kept.iter().copied().filter(|c| *c < freedoms);
+        let columns: Vec<usize> = placed
+            .chain((0..kept.places.len()).map(|k| freedoms + k))
+            .collect();
+        if columns.iter().all(|column| *column < freedoms) {
+            return Err(CalibrateError::NothingToFind);
+        }
+        if numbers <= columns.len() && self.tolerance.is_none() {
+            return Err(CalibrateError::TooFew {
+                numbers,
+                sought: columns.len(),
+            });
+        }
+        // the nominal geometry with instruments where it fits best
+        let placing: Vec<usize> = columns.iter().copied().filter(|c| *c < freedoms).collect();
+        if !placing.is_empty() {
+            let search = Search {
+                problem: &problem,
+                split: &reached.split,
+                poses: problem.poses,
+                columns: &placing,
+            };
+            if let Some(found) = search.run(point.clone(), &sigmas, true) {
+                point = found.point;
+            }
+        }
+        let nominal_blocks = problem
+            .blocks(&reached.split, &point, problem.poses)
+            .ok_or(CalibrateError::NotClosed)?;
+        let search = Search {
+            problem: &problem,
+            split: &reached.split,
+            poses: problem.poses,
+            columns: &columns,
+        };
+        let robust = search
+            .settle(point.clone(), &mut sigmas, true)
+            .ok_or(CalibrateError::NotClosed)?;
+        let mut fit = problem.finish(
+            &reached,
+            &columns,
+            (robust, sigmas),
+            &nominal_blocks,
+            confidence,
+        )?;
+        fit.fixed = structure.fixed(self.geometry.unknowns(), freedoms, &chosen);
+        fit.values = kept.whole(&fit.values);
+        Ok(fit)
+    }
+
+    /// Leaves out poses that do not fit, and fits the others by least squares.
+    fn finish(
+        &self,
+        reached: &Reached,
+        columns: &[usize],
+        (robust, mut sigmas): (Found, Sigmas),
+        nominal_blocks: &[Block],
+        confidence: f64,
+    ) -> Result<Fit, CalibrateError> {
+        let freedoms = self.freedoms();
+        let mut used: Vec<usize> = (0..reached.poses.len()).collect();
+        let mut point = robust.point;
+        let mut blocks = robust.blocks;
+        // deviations beyond those of noise, as medians see them
+        let mut outliers: Vec<usize> = Vec::new();
+        let of = |sigmas: &Sigmas, block: &Block| {
+            let lookup = |group| sigma_of(sigmas, group);
+            let weighted = self.whitened(&reached.split, block, &lookup)?;
+            let rows = weighted.residual.len().max(1) as f64;
+            Some(weighted.residual.norm() / libm::sqrt(rows))
+        };
+        let medians = unit_scale(self, &reached.split, &blocks, &sigmas);
+        let mut scored: Vec<(f64, usize)> = blocks
+            .iter()
+            .enumerate()
+            .filter_map(|(k, block)| Some((of(&sigmas, block)? / medians, k)))
+            .filter(|(score, _)| *score > OUTLYING)
+            .collect();
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let most = (MOST_LEFT_OUT * used.len() as f64) as usize;
+        outliers.extend(scored.iter().take(most).map(|(_, k)| *k));
+        used.retain(|k| !outliers.contains(k));
+        let poses: Vec<Pose> = used.iter().map(|k| reached.poses[*k].clone()).collect();
+        point.states = used.iter().map(|k| point.states[*k].clone()).collect();
+        let problem = Problem {
+            poses: &poses,
+            ..*self
+        };
+        let search = Search {
+            problem: &problem,
+            split: &reached.split,
+            poses: &poses,
+            columns,
+        };
+        let found = search
+            .settle(point, &mut sigmas, false)
+            .ok_or(CalibrateError::NotClosed)?;
+        blocks = found.blocks;
+        let weighted = search
+            .whitened(&blocks, &sigmas)
+            .ok_or(CalibrateError::NotClosed)?;
+        let (covariance, hats) = search
+            .statistics(&weighted)
+            .ok_or(CalibrateError::NotClosed)?;
+        let numbers: usize = blocks.iter().map(|block| block.residual.len()).sum();
+        let degrees = numbers.saturating_sub(columns.len());
+        let all_stated = sigmas
+            .iter()
+            .all(|(group, _)| self.stated(*group).is_some());
+        let level = 0.5 + 0.5 * confidence.clamp(0.0, 1.0);
+        let quantile = match StudentsT::new(0.0, 1.0, degrees as f64) {
+            Ok(t) if !all_stated && degrees < 100_000 => t.inverse_cdf(level),
+            _ => Normal::standard().inverse_cdf(level),
+        };
+        let unknowns = self.geometry.unknowns();
+        let mut estimates = Vec::new();
+        for (k, column) in columns.iter().enumerate() {
+            let Some(unknown) = column.checked_sub(freedoms).and_then(|u| unknowns.get(u)) else {
+                continue;
+            };
+            let value = found.point.values[column - freedoms];
+            let sigma = libm::sqrt(covariance[(k, k)]);
+            estimates.push(Estimate {
+                name: unknown.name.clone(),
+                unit: unknown.unit,
+                nominal: unknown.nominal,
+                value,
+                sigma,
+                interval: [value - quantile * sigma, value + quantile * sigma],
+            });
+        }
+        let mut correlated = Vec::new();
+        for (i, a) in columns.iter().enumerate() {
+            for (j, b) in columns.iter().enumerate().take(i) {
+                let size = libm::sqrt(covariance[(i, i)] * covariance[(j, j)]);
+                let value = covariance[(i, j)] / size;
+                let names = [b, a].map(|c| c.checked_sub(freedoms).and_then(|u| unknowns.get(u)));
+                if let ([Some(b), Some(a)], true) = (names, value.abs() > CORRELATED) {
+                    correlated.push((b.name.clone(), a.name.clone(), value));
+                }
+            }
+        }
+        let loss: f64 = weighted.iter().map(|b| b.residual.norm_squared()).sum();
+        let before: Vec<&Block> = used.iter().filter_map(|k| nominal_blocks.get(*k)).collect();
+        let groups = group_fits(self, &sigmas, &before, &blocks, (&weighted, &hats));
+        let residuals = poses.iter().zip(&blocks).zip(&before);
+        let residuals = residuals.map(|((pose, after), before)| PoseResiduals {
+            row: pose.row,
+            groups: after.groups.clone(),
+            before: before.residual.as_slice().to_vec(),
+            after: after.residual.as_slice().to_vec(),
+        });
+        let mut left_out: Vec<u64> = outliers.iter().map(|k| reached.poses[*k].row).collect();
+        left_out.sort_unstable();
+        Ok(Fit {
+            estimates,
+            fixed: Vec::new(),
+            values: found.point.values,
+            mountings: found.point.mountings,
+            groups,
+            outliers: left_out,
+            unreachable: reached.unreachable.clone(),
+            poses: poses.len(),
+            chi_square: all_stated.then_some((loss, degrees)),
+            correlated,
+            residuals: residuals.collect(),
+            converged: found.converged,
+        })
+    }
+}
+
+/// The median of the poses' weighted norms, 1 where the noise is what it is said to be.
+fn unit_scale(problem: &Problem<'_>, split: &Split, blocks: &[Block], sigmas: &Sigmas) -> f64 {
+    let lookup = |group| sigma_of(sigmas, group);
+    let mut norms: Vec<f64> = blocks
+        .iter()
+        .filter_map(|block| problem.whitened(split, block, &lookup))
+        .map(|block| block.residual.norm() / libm::sqrt(block.residual.len().max(1) as f64))
+        .collect();
+    norms.sort_by(f64::total_cmp);
+    norms.get(norms.len() / 2).copied().unwrap_or(1.0).max(1.0)
+}
+
+/// How well each group fits.
+fn group_fits(
+    problem: &Problem<'_>,
+    sigmas: &Sigmas,
+    before: &[&Block],
+    after: &[Block],
+    (weighted, hats): (&[Block], &[DMatrix<f64>]),
+) -> Vec<GroupFit> {
+    let mut out = Vec::new();
+    for (group, sigma) in sigmas {
+        let mut sums = [0.0; 3];
+        let mut count = 0;
+        for (k, block) in after.iter().enumerate() {
+            // without the pose its weighted residuals would be (1 - H)^-1 as large; the noise's factor
+            // is that of the rows themselves
+            let rows = block.residual.len();
+            let rest = DMatrix::identity(rows, rows) - &hats[k];
+            let unseen = rest.lu().solve(&weighted[k].residual);
+            for (row, own) in block.groups.iter().enumerate() {
+                if own != group {
+                    continue;
+                }
+                count += 1;
+                let was = before.get(k).and_then(|b| b.residual.get(row)).copied();
+                sums[0] += was.unwrap_or(0.0).powi(2);
+                sums[1] += block.residual[row].powi(2);
+                let grown = unseen.as_ref().map_or(f64::NAN, |u| u[row]);
+                let ratio = grown / weighted[k].residual[row];
+                let value = if ratio.is_finite() {
+                    block.residual[row] * ratio
+                } else {
+                    block.residual[row]
+                };
+                sums[2] += value.powi(2);
+            }
+        }
+        let rms = |sum: f64| libm::sqrt(sum / f64::from(count.max(1)));
+        out.push(GroupFit {
+            group: *group,
+            count: count as usize,
+            sigma: *sigma,
+            is_stated: problem.stated(*group).is_some(),
+            before: rms(sums[0]),
+            after: rms(sums[1]),
+            unseen: rms(sums[2]),
+        });
+    }
+    out
+}

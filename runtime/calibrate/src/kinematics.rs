@@ -1,0 +1,260 @@
+//! A mechanism as elementary motions: every placement and every joint is a chain of turns about and
+//! shifts along coordinate axes, so that all derivatives are those of screws.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// How far an elementary motion goes, rad or m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Amount {
+    /// The scalar of the geometry with this index.
+    Scalar(usize),
+    /// The coordinate with this index times a factor: 1, or the lead of a screw, m/rad.
+    Coordinate(usize, f64),
+}
+
+/// The axis of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// x
+    X,
+    /// y
+    Y,
+    /// z
+    Z,
+}
+
+/// An elementary motion in the frame that the motions before it lead to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Whether it turns about the axis (rad) or shifts along it (m).
+    pub turns: bool,
+    /// The axis.
+    pub axis: Axis,
+    /// How far it goes.
+    pub amount: Amount,
+}
+
+/// A frame at the end of a chain of motions that begins at a link or at the world.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chain {
+    /// The link from which it begins; `None` is the world.
+    pub parent: Option<usize>,
+    /// The motions, the first one at the parent.
+    pub steps: Vec<Step>,
+}
+
+/// A closure equation between frames A and B of a cut; it vanishes where the loop is closed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Row {
+    /// A component of pB - pA in the world, m.
+    Position(Axis),
+    /// The product of an axis of A and an axis of B.
+    Axes(Axis, Axis),
+    /// The component of pB - pA along an axis of A, m.
+    Offset(Axis),
+    /// A screw about z: h sin(z/h - t) with its lead h, m/rad, the shift z = zA.(pB - pA) and the
+    /// angle t from xA to xB, m.
+    Screw(f64),
+}
+
+/// A loop that was cut at a joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cut {
+    /// Its equations.
+    pub rows: Vec<Row>,
+    /// Frame A, then frame B.
+    pub sides: [Chain; 2],
+}
+
+/// A coordinate that is a linear form in others: `key = constant + sum of terms`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coupling {
+    /// The coordinate that the form determines.
+    pub key: usize,
+    /// The constant, rad or m.
+    pub constant: f64,
+    /// The other coordinates with their factors.
+    pub terms: Vec<(usize, f64)>,
+}
+
+/// The kinematics of a mechanism: links in a tree, cuts that close loops, and named frames.
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use regen_calibrate::{Amount, Axis, Chain, Kinematics, Step};
+///
+/// // an arm of 0.4 m along x that turns about z
+/// let turn = Step { turns: true, axis: Axis::Z, amount: Amount::Coordinate(0, 1.0) };
+/// let arm = Step { turns: false, axis: Axis::X, amount: Amount::Scalar(0) };
+/// let pendulum = Kinematics {
+///     coordinates: vec!["q1".to_owned()],
+///     scalars: 1,
+///     links: vec![Chain { parent: None, steps: vec![turn] }],
+///     frames: vec![("tip".to_owned(), Chain { parent: Some(0), steps: vec![arm] })],
+///     ..Kinematics::default()
+/// };
+/// let tip = &pendulum.frames(&[0.4], &[core::f64::consts::FRAC_PI_2])[0];
+/// assert!((tip.point - Vector3::new(0.0, 0.4, 0.0)).norm() < 1e-15);
+/// // the coordinate moves it along -x, the arm's length along y
+/// let velocities: Vec<_> = tip.motions.iter().map(|m| m.velocity_of(&tip.point)).collect();
+/// assert!((velocities[0] - Vector3::new(-0.4, 0.0, 0.0)).norm() < 1e-15);
+/// assert!((velocities[1] - Vector3::y()).norm() < 1e-15);
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Kinematics {
+    /// The names of the coordinates.
+    pub coordinates: Vec<String>,
+    /// The number of scalars of the geometry.
+    pub scalars: usize,
+    /// The links, parents before children: each the chain from its parent's frame to its own.
+    pub links: Vec<Chain>,
+    /// The cuts.
+    pub cuts: Vec<Cut>,
+    /// The couplings.
+    pub couplings: Vec<Coupling>,
+    /// The named frames.
+    pub frames: Vec<(String, Chain)>,
+    /// A closed state from which the loops of others are closed, rad or m.
+    pub home: Vec<f64>,
+    /// The limits of each coordinate, where there are any.
+    pub limits: Vec<Option<[f64; 2]>>,
+    /// Gravity in the world, m/s^2.
+    pub gravity: [f64; 3],
+}
+
+/// A motion as the velocity field of what is behind it, for a unit rate of its amount.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    /// What it depends on.
+    pub amount: Amount,
+    turns: bool,
+    /// The axis in the world, times the factor of the amount.
+    axis: Vector3<f64>,
+    /// A point on the axis of a turn.
+    origin: Vector3<f64>,
+}
+
+impl Motion {
+    /// The velocity of a point of the body that is moved, in the world.
+    pub fn velocity_of(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        if self.turns {
+            self.axis.cross(&(point - self.origin))
+        } else {
+            self.axis
+        }
+    }
+
+    /// The angular velocity of the body that is moved, in the world.
+    pub fn turning(&self) -> Vector3<f64> {
+        if self.turns {
+            self.axis
+        } else {
+            Vector3::zeros()
+        }
+    }
+}
+
+/// A frame in the world, and every motion that moves it.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Its axes as columns.
+    pub axes: Matrix3<f64>,
+    /// Its origin, m.
+    pub point: Vector3<f64>,
+    /// The motions that move it.
+    pub motions: Vec<Motion>,
+}
+
+impl Axis {
+    /// Its index in a vector.
+    pub fn index(self) -> usize {
+        match self {
+            Self::X => 0,
+            Self::Y => 1,
+            Self::Z => 2,
+        }
+    }
+}
+
+impl View {
+    fn world() -> Self {
+        Self {
+            axes: Matrix3::identity(),
+            point: Vector3::zeros(),
+            motions: Vec::new(),
+        }
+    }
+
+    fn follow(&mut self, steps: &[Step], scalars: &[f64], q: &[f64]) {
+        for step in steps {
+            let (value, factor) = match step.amount {
+                Amount::Scalar(k) => (scalars.get(k).copied().unwrap_or(0.0), 1.0),
+                Amount::Coordinate(c, factor) => {
+                    (factor * q.get(c).copied().unwrap_or(0.0), factor)
+                }
+            };
+            let axis = self.axes.column(step.axis.index()).into_owned();
+            self.motions.push(Motion {
+                amount: step.amount,
+                turns: step.turns,
+                axis: factor * axis,
+                origin: self.point,
+            });
+            if step.turns {
+                let (i, j) = match step.axis {
+                    Axis::X => (1, 2),
+                    Axis::Y => (2, 0),
+                    Axis::Z => (0, 1),
+                };
+                let (sin, cos) = libm::sincos(value);
+                let (a, b) = (
+                    self.axes.column(i).into_owned(),
+                    self.axes.column(j).into_owned(),
+                );
+                self.axes.set_column(i, &(cos * a + sin * b));
+                self.axes.set_column(j, &(cos * b - sin * a));
+            } else {
+                self.point += value * axis;
+            }
+        }
+    }
+
+    /// Its axis of this kind.
+    pub fn axis(&self, axis: Axis) -> Vector3<f64> {
+        self.axes.column(axis.index()).into_owned()
+    }
+}
+
+impl Kinematics {
+    /// The links in the world, for scalars of the geometry and coordinates.
+    pub fn links(&self, scalars: &[f64], q: &[f64]) -> Vec<View> {
+        let mut links: Vec<View> = Vec::with_capacity(self.links.len());
+        for link in &self.links {
+            let view = self.along(&links, link, scalars, q);
+            links.push(view);
+        }
+        links
+    }
+
+    /// The frame at the end of a chain, from the links in the world.
+    pub fn along(&self, links: &[View], chain: &Chain, scalars: &[f64], q: &[f64]) -> View {
+        let parent = chain.parent.and_then(|parent| links.get(parent));
+        let mut view = parent.cloned().unwrap_or_else(View::world);
+        view.follow(&chain.steps, scalars, q);
+        view
+    }
+
+    /// The named frames in the world.
+    pub fn frames(&self, scalars: &[f64], q: &[f64]) -> Vec<View> {
+        let links = self.links(scalars, q);
+        let frames = self.frames.iter();
+        frames
+            .map(|(_, chain)| self.along(&links, chain, scalars, q))
+            .collect()
+    }
+
+    /// The number of closure equations: those of the cuts, then one for each coupling.
+    pub fn rows(&self) -> usize {
+        self.cuts.iter().map(|cut| cut.rows.len()).sum::<usize>() + self.couplings.len()
+    }
+}

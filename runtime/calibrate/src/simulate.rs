@@ -1,0 +1,125 @@
+//! Simulated measurements of a mechanism whose geometry differs from its description.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use crate::equations::{Pose, Problem};
+use crate::fit::CalibrateError;
+use crate::sensor::Kind;
+
+/// What is simulated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Simulation {
+    /// The number of poses.
+    pub poses: usize,
+    /// The standard deviation of the errors of the geometry, rad and m.
+    pub errors: f64,
+    /// The noise of sensors whose noise is not stated: of lengths, m, and of angles, rad.
+    pub noise: [f64; 2],
+    /// The seed of the random numbers: the same one gives the same poses.
+    pub seed: u64,
+}
+
+/// Random numbers, the same ones in every run (Marsaglia's xorshift).
+pub(crate) struct Draws(u64);
+
+impl Draws {
+    pub(crate) fn new(seed: u64) -> Self {
+        let mut out = Self(0x9E37_79B9_7F4A_7C15 ^ seed.wrapping_mul(0xD134_2543_DE82_EF95));
+        for _ in 0..16 {
+            out.uniform();
+        }
+        out
+    }
+
+    /// A number between 0 and 1.
+    pub(crate) fn uniform(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// A number of the normal distribution (Box and Muller).
+    pub(crate) fn normal(&mut self) -> f64 {
+        let radius = libm::sqrt(-2.0 * libm::log(1.0 - self.uniform()));
+        radius * libm::cos(core::f64::consts::TAU * self.uniform())
+    }
+}
+
+impl Problem<'_> {
+    /// Poses of a mechanism with errors, measured with noise, and the true values of the unknowns.
+    /// Only what such measurements can tell has errors, so that estimates can be compared with it.
+    ///
+    /// # Errors
+    /// When the readings do not determine states of the mechanism, or its loops do not close.
+    pub fn simulate(&self, what: &Simulation) -> Result<(Vec<f64>, Vec<Pose>), CalibrateError> {
+        let known = self.known()?;
+        let start = self.start()?;
+        let mut draws = Draws::new(what.seed);
+        let unknowns = self.geometry.unknowns().iter();
+        let truth: Vec<f64> = unknowns
+            .map(|unknown| {
+                let error = what.errors * draws.normal();
+                if known.kept.contains(&unknown.name) {
+                    unknown.nominal + error
+                } else {
+                    unknown.nominal
+                }
+            })
+            .collect();
+        let scalars = self
+            .geometry
+            .scalars(&truth)
+            .ok_or(CalibrateError::NotClosed)?;
+        let mut poses = Vec::new();
+        // states of the description are states of the mechanism after a small motion
+        for state in self.drawn_states(&start, 2 * what.poses, &mut draws) {
+            let Some(state) = self.kinematics.close(&scalars, &start.split, state) else {
+                continue;
+            };
+            if poses.len() == what.poses {
+                break;
+            }
+            let frames = self.kinematics.frames(&scalars, &state);
+            let sensors = self.sensors.iter().map(|sensor| {
+                let mut values = sensor.predict(&frames, &self.kinematics.gravity);
+                let [length, angle] = [
+                    sensor.noise.unwrap_or(what.noise[0]),
+                    sensor.noise_of_angles.unwrap_or(what.noise[1]),
+                ];
+                let positions = match sensor.kind {
+                    Kind::Pose => {
+                        let turn = Vector3::from_fn(|_, _| angle * draws.normal());
+                        let turned =
+                            Rotation3::new(turn).matrix() * Matrix3::from_row_slice(&values[..9]);
+                        values[..9].copy_from_slice(turned.transpose().as_slice());
+                        &mut values[9..]
+                    }
+                    _ => &mut values[..],
+                };
+                let noise = if sensor.kind == Kind::Gravity {
+                    angle * Vector3::from(self.kinematics.gravity).norm()
+                } else {
+                    length
+                };
+                positions
+                    .iter_mut()
+                    .for_each(|x| *x += noise * draws.normal());
+                Some(values)
+            });
+            let values = sensors.collect();
+            let readings = self.measured.iter().zip(self.noise_of_readings);
+            let readings =
+                readings.map(|(c, noise)| state[*c] + noise.unwrap_or(0.0) * draws.normal());
+            poses.push(Pose {
+                row: poses.len() as u64 + 2,
+                readings: readings.collect(),
+                values,
+            });
+        }
+        if poses.len() < what.poses {
+            return Err(CalibrateError::NotClosed);
+        }
+        Ok((truth, poses))
+    }
+}
