@@ -306,3 +306,112 @@ fn constants_of_another_model_are_refused() {
         assert!(printed.contains("identify again"), "{printed}");
     }
 }
+
+/// Compares the Jacobians of a robot's functions for `casadi.external` with central differences, and
+/// what is solved with what solves it; prints the number of compared entries.
+const JACOBIANS: &str = r#"#include <math.h>
+#include <stdio.h>
+#include "fivebar.h"
+#define INT long long int
+typedef int function(const double **, double **, INT *, double *, int);
+typedef const INT *sparsity(INT);
+typedef int work(INT *, INT *, INT *, INT *);
+#define EACH(X) X(inverse_dynamics) X(forward_dynamics) X(close) X(frame_pose)
+#define DECLARE(n) function fivebar_casadi_##n, jac_fivebar_casadi_##n; \
+    sparsity fivebar_casadi_##n##_sparsity_in, jac_fivebar_casadi_##n##_sparsity_out; \
+    work fivebar_casadi_##n##_work, jac_fivebar_casadi_##n##_work;
+EACH(DECLARE)
+static int compared;
+static int differs(function *f, function *jac, sparsity *in, sparsity *out, work *sizes)
+{
+    static double values[4][FIVEBAR_PARAMETER_COUNT], memory[4000], blocks[4][12 * FIVEBAR_PARAMETER_COUNT], sides[2][12];
+    const double *arg[5] = { values[0], values[1], values[2], values[3], 0 };
+    double *res[4] = { blocks[0], blocks[1], blocks[2], blocks[3] };
+    INT count, results, words, numbers;
+    for (int k = 0; k < FIVEBAR_PARAMETER_COUNT; k++) values[3][k] = fivebar_nominal[k];
+    values[0][0] = 2.1; values[0][1] = 1.0; values[1][0] = 0.7; values[1][1] = -0.4;
+    values[2][0] = 0.3; values[2][1] = 1.1;
+    sizes(&count, &results, &words, &numbers);
+    if (results > 4 || words != 0 || numbers > 4000 || jac(arg, res, 0, memory, 0) != 0) return 1;
+    for (INT k = 0; k < results; k++) {
+        const INT rows = out(k)[0], columns = out(k)[1];
+        if (in(k)[0] != columns || in(k)[1] != 1 || in(k)[2] != 1 || out(k)[2] != 1) return 2;
+        for (INT c = 0; c < columns; c++) {
+            const double at = values[k][c];
+            for (int side = 0; side < 2; side++) {
+                double *into[1] = { sides[side] };
+                values[k][c] = side ? at - 1e-6 : at + 1e-6;
+                if (f(arg, into, 0, memory, 0) != 0) return 3;
+            }
+            values[k][c] = at;
+            for (INT r = 0; r < rows; r++) {
+                const double own = blocks[k][rows * c + r], slope = (sides[0][r] - sides[1][r]) / 2e-6;
+                /* rounding of values of order 10 over the step */
+                if (!(fabs(own - slope) < 1e-7 * (20 + fabs(own)))) return 4;
+                compared++;
+            }
+        }
+    }
+    /* null pointers: zeros, and results that nobody wants */
+    arg[1] = arg[2] = 0;
+    double *none[4] = { 0, 0, 0, 0 };
+    return f(arg, none, 0, memory, 0) != 0 || jac(arg, none, 0, memory, 0) != 0 ? 5 : 0;
+}
+int main(void)
+{
+#define COMPARE(n) { const int wrong = differs(fivebar_casadi_##n, jac_fivebar_casadi_##n, \
+    fivebar_casadi_##n##_sparsity_in, jac_fivebar_casadi_##n##_sparsity_out, jac_fivebar_casadi_##n##_work); \
+    if (wrong) { printf("%s %d\n", #n, wrong); return 1; } }
+    EACH(COMPARE)
+    double memory[4000], tau[2], qdd[2], far[2] = { 3.1415, 0 }, q[2] = { 2.1, 1.0 }, qd[2] = { 0.7, -0.4 }, a[2] = { 3, -2 };
+    const double *arg[4] = { q, qd, a, fivebar_nominal };
+    double *res[1] = { tau };
+    int wrong = fivebar_casadi_inverse_dynamics(arg, res, 0, memory, 0);
+    arg[2] = tau; res[0] = qdd;
+    wrong |= fivebar_casadi_forward_dynamics(arg, res, 0, memory, 0);
+    wrong |= !(fabs(qdd[0] - 3) + fabs(qdd[1] + 2) < 1e-9);
+    arg[0] = far; /* cranks that point away from each other */
+    wrong |= fivebar_casadi_forward_dynamics(arg, res, 0, memory, 0) == 0;
+    far[0] = NAN;
+    wrong |= jac_fivebar_casadi_close(arg, res, 0, memory, 0) == 0;
+    printf("%d", compared);
+    return wrong;
+}
+"#;
+
+#[test]
+fn functions_for_casadi_have_the_jacobians_of_their_differences() {
+    if !is_installed("gcc") {
+        return;
+    }
+    // rods with which the cranks cannot point away from each other
+    let robot = robot("l2: 0.34");
+    let (folder, own) = (folder("c-casadi"), c::files(&robot));
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    write("fivebar.h", &own.header);
+    write("fivebar.c", &own.source);
+    write("fivebar_casadi.c", &c::casadi(&robot));
+    write("main.c", JACOBIANS);
+    let sources = ["main.c", "fivebar.c", "fivebar_casadi.c", "-lm"];
+    let arguments = ["-std=c99", "-O1", "-o", "jacobians"];
+    assert_success(&compile(
+        &folder,
+        "gcc",
+        &[&arguments[..], &sources].concat(),
+    ));
+    let output = Command::new(folder.join("jacobians")).output().unwrap();
+    let printed = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{printed}");
+    let parameters = robot.parameters.len();
+    // rows by columns of each: two of dynamics, four coordinates, one frame
+    let entries = 2 * 2 * (6 + parameters) + 4 * 2 + 12 * 2;
+    assert_eq!(printed, entries.to_string());
+    if is_installed("g++") {
+        let arguments = ["-std=c++17", "-fsyntax-only", "-x", "c++"];
+        assert_success(&compile(
+            &folder,
+            "g++",
+            &[&arguments[..], &["fivebar_casadi.c"]].concat(),
+        ));
+    }
+}

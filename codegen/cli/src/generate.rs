@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use indicatif::ProgressBar;
 use regen_codegen::robot::Robot;
 use regen_sources::{
-    Entry, SourceError, State, Workspace, c_files, compare_c, compare_modules, module,
+    Entry, SourceError, State, Workspace, c_files, casadi_files, compare_c, compare_modules, module,
 };
 use serde::Serialize;
 
@@ -20,8 +20,13 @@ use crate::{load, progress, table, terminal, write};
 pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let (files, dir, whole) = sources(args)?;
     let entries = match args.target {
-        TargetArg::Rust => compare_modules(derive(&files, module)?, &dir, whole)?,
-        TargetArg::C => compare_c(derive(&files, c_files)?, &dir, whole)?,
+        TargetArg::Rust => compare_modules(derive(&files, load::robot, module)?, &dir, whole)?,
+        TargetArg::C => compare_c(derive(&files, load::robot, c_files)?, &dir, whole)?,
+        TargetArg::Casadi => {
+            // its Jacobians need the functions of controllers, whatever the description asks for
+            let robot = |path: &Path| load::with_control(&load::source(path)?);
+            compare_c(derive(&files, robot, casadi_files)?, &dir, whole)?
+        }
     };
     if !args.check {
         for entry in &entries {
@@ -59,7 +64,7 @@ fn sources(args: &GenerateArgs) -> Result<(Vec<PathBuf>, PathBuf, bool), Failure
     if let (false, Some(out)) = (args.files.is_empty(), &args.out) {
         return Ok((args.files.clone(), out.clone(), false));
     }
-    if args.target == TargetArg::C {
+    if args.target != TargetArg::Rust {
         let robots = || Ok::<_, Failure>(Workspace::current()?.robots()?);
         return match (&args.out, args.files.is_empty()) {
             (Some(out), true) => Ok((robots()?, out.clone(), true)),
@@ -88,19 +93,22 @@ fn update_command(args: &GenerateArgs) -> String {
     for file in &args.files {
         let _ = write!(command, " {}", file.display());
     }
-    if args.target == TargetArg::C {
-        command.push_str(" --target c");
-    }
+    command.push_str(match args.target {
+        TargetArg::Rust => "",
+        TargetArg::C => " --target c",
+        TargetArg::Casadi => " --target casadi",
+    });
     if let Some(out) = &args.out {
         let _ = write!(command, " --out {}", out.display());
     }
     command
 }
 
-/// Derives each robot and returns what `make` writes of it by the robot's name; errors of all files
+/// Derives each robot by `load` and returns what `make` writes of it by the robot's name; errors of all files
 /// are reported together.
 fn derive<M>(
     files: &[PathBuf],
+    load: impl Fn(&Path) -> Result<Robot, Failure>,
     make: impl Fn(&Robot, &Path) -> Result<M, SourceError>,
 ) -> Result<BTreeMap<String, M>, Failure> {
     let bar = match files.len() {
@@ -111,7 +119,7 @@ fn derive<M>(
     let mut reports = Vec::new();
     for file in files {
         bar.set_message(file.display().to_string());
-        match load::robot(file) {
+        match load(file) {
             Ok(robot) => {
                 let module = make(&robot, file)?;
                 if modules.insert(robot.name.clone(), module).is_some() {

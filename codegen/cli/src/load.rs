@@ -204,6 +204,12 @@ pub(crate) fn loaded_with_control(
     Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
 }
 
+/// As [`derived`], with the functions of controllers too.
+pub(crate) fn with_control(source: &Source) -> Result<Robot, Failure> {
+    let mechanism = mechanism(source)?;
+    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
+}
+
 /// As [`with_base`], with the functions of controllers too.
 pub(crate) fn with_base_and_control(source: &Source) -> Result<Robot, Failure> {
     let mechanism = mechanism(source)?;

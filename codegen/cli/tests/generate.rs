@@ -280,6 +280,34 @@ fn c_files_are_checked_and_rewritten_as_modules_are() {
 }
 
 #[test]
+fn functions_for_casadi_are_a_third_file_whatever_the_description_asks_for() {
+    let dir = workspace("c-casadi", &["one", "two"]);
+    let all = ["generate", "--target", "casadi", "--out", "c"];
+    regen(&dir, &all).ended(0);
+    let text = fs::read_to_string(dir.join("c/one_casadi.c")).unwrap();
+    assert!(
+        text.contains("int jac_one_casadi_forward_dynamics("),
+        "{text}"
+    );
+    let check = [&all[..], &["--check"]].concat();
+    regen(&dir, &check).ended(0);
+    fs::write(dir.join("c/one_casadi.c"), text.replacen("int", "long", 1)).unwrap();
+    let run = regen(&dir, &check).ended(1);
+    assert!(run.out.contains("c/one_casadi.c: differs"), "{}", run.out);
+    assert!(
+        run.err.contains("regen generate --target casadi --out c\n"),
+        "{}",
+        run.err
+    );
+    // files of the target c alone leave it, and it goes with its robot
+    regen(&dir, &["generate", "--target", "c", "--out", "c"]).ended(0);
+    assert!(dir.join("c/one_casadi.c").exists());
+    fs::rename(dir.join("robots/one.yaml"), dir.join("one.yaml")).unwrap();
+    let run = regen(&dir, &check).ended(1);
+    assert!(run.out.contains("c/one_casadi.c: stale"), "{}", run.out);
+}
+
+#[test]
 fn robots_whose_names_collide_in_c_are_refused() {
     let dir = workspace("c-names", &["arm", "arm_base", "math"]);
     let c = ["--target", "c"];

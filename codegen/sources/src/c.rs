@@ -14,6 +14,7 @@ use crate::module::banner;
 #[derive(Debug)]
 pub struct CFiles {
     files: Files,
+    casadi: Option<String>,
     symbols: Vec<String>,
 }
 
@@ -35,8 +36,22 @@ pub fn c_files(robot: &Robot, spec: &Path) -> Result<CFiles, SourceError> {
     files.source.insert_str(0, &banner);
     Ok(CFiles {
         files,
+        casadi: None,
         symbols: c::symbols(robot),
     })
+}
+
+/// As [`c_files`], with a file of functions for `casadi.external`.
+///
+/// # Errors
+///
+/// As [`c_files`].
+pub fn casadi_files(robot: &Robot, spec: &Path) -> Result<CFiles, SourceError> {
+    let mut files = c_files(robot, spec)?;
+    let banner = banner(spec, "regen generate --target casadi");
+    files.casadi = Some(banner + &c::casadi(robot));
+    files.symbols.extend(c::casadi_symbols(robot));
+    Ok(files)
 }
 
 /// Compares the files in the directory with the generated ones of these robots. A missing directory
@@ -54,7 +69,12 @@ pub fn compare_c(
     let mut owners: BTreeMap<String, String> = BTreeMap::new();
     let mut names = BTreeSet::new();
     let mut entries = Vec::new();
-    for (robot, CFiles { files, symbols }) in robots {
+    for (robot, own) in robots {
+        let CFiles {
+            files,
+            casadi,
+            symbols,
+        } = own;
         for symbol in symbols {
             if let Some(other) = owners.insert(symbol.clone(), robot.clone()) {
                 return Err(SourceError::SameSymbol {
@@ -68,6 +88,12 @@ pub fn compare_c(
             let path = dir.join(format!("{}.{extension}", files.name));
             entries.push(entry(path, text)?);
         }
+        let further = format!("{}_casadi", files.name);
+        if let Some(text) = casadi {
+            entries.push(entry(dir.join(format!("{further}.c")), text)?);
+        }
+        // also where this call does not write it
+        names.insert(further);
         names.insert(files.name);
     }
     if whole {

@@ -38,7 +38,7 @@ mod manifest;
 mod module;
 mod workspace;
 
-pub use c::{CFiles, c_files, compare_c};
+pub use c::{CFiles, c_files, casadi_files, compare_c};
 pub use entry::{Entry, State};
 pub use error::SourceError;
 pub use manifest::place;

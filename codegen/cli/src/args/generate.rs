@@ -14,6 +14,8 @@ pub(crate) enum TargetArg {
     Rust,
     /// A header and a source in C99, on double and on float
     C,
+    /// As c, and a source with functions for casadi.external
+    Casadi,
 }
 
 #[derive(Debug, Args)]
@@ -33,7 +35,9 @@ others: lines, SHA-256 and the operations of each function.
 
 With --target c each robot has two files in C99, NAME.h and NAME.c, with
 functions on double and, with names that end in _f, on float; they are written
-to the current directory, or to DIR.
+to the current directory, or to DIR. With --target casadi there is a third,
+NAME_casadi.c: functions of the independent coordinates with exact Jacobians,
+which casadi.external finds in the shared library of the files.
 
 Examples:
   regen generate
@@ -51,7 +55,7 @@ pub(crate) struct GenerateArgs {
     #[arg(long, value_enum, default_value_t)]
     pub(crate) target: TargetArg,
     /// Where the files are written [default: generated/src of the workspace; for
-    /// C the current directory]
+    /// C and CasADi the current directory]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// How the list of files is printed

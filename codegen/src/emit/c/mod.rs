@@ -10,6 +10,7 @@
 //! Matrices are flat arrays, as Eigen, LAPACK, ROS and Simulink pass them.
 
 mod angles;
+mod casadi;
 mod close;
 mod constants;
 mod functions;
@@ -69,6 +70,37 @@ pub fn files(robot: &Robot) -> Files {
         source: functions.text(robot, &names),
         name: names.prefix,
     }
+}
+
+/// The text of a further file, `NAME_casadi.c`: functions of the independent coordinates for
+/// `casadi.external`, with exact Jacobians, around the robot's functions in double precision.
+///
+/// ```
+/// use regen_codegen::Mechanism;
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::emit::c;
+/// use regen_codegen::robot::FunctionKind;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// let text = c::casadi(&mechanism.robot(&FunctionKind::ALL)?);
+/// assert!(text.contains("int arm_casadi_forward_dynamics("));
+/// assert!(text.contains("int jac_arm_casadi_forward_dynamics("));
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
+pub fn casadi(robot: &Robot) -> String {
+    casadi::text(robot, &words::Spelling::of(robot))
+}
+
+/// The names that [`casadi()`] gives to the linker, as [`symbols`].
+pub fn casadi_symbols(robot: &Robot) -> Vec<String> {
+    casadi::symbols(robot, &words::Spelling::of(robot))
 }
 
 /// What the names of a robot's files, functions and constants begin with, by the robot's name; in
