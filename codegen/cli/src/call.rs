@@ -197,6 +197,8 @@ pub struct CommandOption {
     pub takes_value: bool,
     /// Whether it may be repeated.
     pub is_repeated: bool,
+    /// The words that it takes; empty where it takes others.
+    pub values: Vec<String>,
     /// Its help text.
     pub help: String,
 }
@@ -211,6 +213,12 @@ pub fn options(command: &str) -> Option<Vec<CommandOption>> {
             name: arg.get_long()?.to_owned(),
             takes_value: action.takes_values(),
             is_repeated: matches!(action, ArgAction::Append),
+            values: arg
+                .get_possible_values()
+                .iter()
+                .filter(|value| action.takes_values() && !value.is_hide_set())
+                .map(|value| value.get_name().to_owned())
+                .collect(),
             help: arg.get_help().map(ToString::to_string).unwrap_or_default(),
         })
     });

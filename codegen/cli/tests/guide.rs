@@ -136,8 +136,9 @@ fn the_commands_of_the_table_trust_and_controller_pages_run() {
 }
 
 #[test]
-fn the_commands_of_the_c_and_equations_pages_run() {
+fn the_commands_of_the_c_optimise_and_equations_pages_run() {
     assert_eq!(run_page("c").len(), 1);
+    assert_eq!(run_page("optimise").len(), 1);
     assert_eq!(run_page("equations").len(), 5);
 }
 

@@ -45,14 +45,18 @@ fn call_command(
     }
 }
 
-/// The options of a command: name, whether it takes a value, whether it may be repeated, and help.
+/// An option: name, whether it takes a value, whether it may be repeated, the words that it takes (none
+/// where it takes others), and help.
+type OptionRow = (String, bool, bool, Vec<String>, String);
+
+/// The options of a command.
 #[pyfunction]
-fn options(command: &str) -> PyResult<Vec<(String, bool, bool, String)>> {
+fn options(command: &str) -> PyResult<Vec<OptionRow>> {
     let found = call::options(command)
         .ok_or_else(|| PyValueError::new_err(format!("there is no command '{command}'")))?;
     let rows = found
         .into_iter()
-        .map(|o| (o.name, o.takes_value, o.is_repeated, o.help));
+        .map(|o| (o.name, o.takes_value, o.is_repeated, o.values, o.help));
     Ok(rows.collect())
 }
 

@@ -75,6 +75,68 @@ def test_functions_of_controllers_agree_with_the_others(fivebar):
     np.testing.assert_allclose(m @ forward, expected, rtol=0, atol=1e-9 * abs(inverse).max())
 
 
+def test_every_function_is_a_method_with_shapes_and_units(fivebar):
+    # functions of base parameters are those with `beta`
+    names = {name.removeprefix("base_") for name in fivebar.functions}
+    for name in names | {"derivatives"}:
+        text = getattr(regen.Robot, name).__doc__
+        assert "shape" in text or ":class:" in text, name
+
+
+def test_every_function_takes_arrays_of_states(fivebar):
+    rng = np.random.default_rng(7)
+    q_i = [2.0, 1.1] + 0.1 * rng.normal(size=(4, 5, 2))
+    closed = fivebar.close(q_i.reshape(-1, 2), *rng.normal(size=(2, 20, 2)))
+    n, dof, p = 4, fivebar.dof, len(fivebar.parameters)
+    widths = {"tau_actuated": 2, "free": p - len(fivebar.base), "beta": len(fivebar.base), "phi": p}
+    given = dict(zip(("q", "qd", "qdd"), (x.reshape(4, 5, n) for x in closed[:3])))
+    for name in fivebar.functions:
+        arguments = {}
+        for argument in fivebar._functions[name]["arguments"]:
+            own = argument["name"]
+            lead = () if argument["parameter"] else (4, 5)
+            arguments[own] = given.get(own, np.full((*lead, widths.get(own, dof)), 0.5))
+        whole = fivebar.evaluate(name, **arguments)
+        alone = {k: v if v.ndim == 1 else v[2, 3] for k, v in arguments.items()}
+        np.testing.assert_array_equal(fivebar.evaluate(name, **alone), whole[2, 3] if "q" in arguments else whole)
+        if not name.startswith("base_"):
+            np.testing.assert_array_equal(getattr(fivebar, name)(**arguments), whole)
+
+
+def test_derivatives_are_those_of_differences_along_the_closure(picker):
+    rng = np.random.default_rng(11)
+    q = [2.2, 0.94] + 0.2 * rng.uniform(-1, 1, (30, 2))
+    qd, qdd = rng.normal(size=(2, 30, 2))
+    phi = picker.nominal
+    inverse = picker.derivatives(q, qd, qdd, by_phi=True)
+    forward = picker.derivatives(q, qd, tau_i=inverse.value, phi=phi, by_phi=True)
+    np.testing.assert_allclose(forward.value, qdd, rtol=0, atol=1e-9)
+    assert picker.derivatives(q, qd, qdd).phi is None and forward.phi.shape == (30, 2, len(phi))
+    step = 1e-6
+    for found, function, last in (
+        (inverse, picker.inverse_dynamics, qdd),
+        (forward, picker.forward_dynamics, inverse.value),
+    ):
+        given = [q, qd, last, phi]
+        for k, (values, slopes) in enumerate(zip(given, found[1:])):
+            for c in range(values.shape[-1]):
+                sides = []
+                for sign in (1, -1):
+                    moved = list(given)
+                    moved[k] = values + sign * step * np.eye(values.shape[-1])[c]
+                    sides.append(function(*moved))
+                differences = (sides[0] - sides[1]) / (2 * step)
+                # rounding of values of order 10 over the step, and the third derivative
+                np.testing.assert_allclose(slopes[..., c], differences, rtol=1e-6, atol=1e-6 * abs(slopes).max())
+    with pytest.raises(regen.InputError, match="either qdd"):
+        picker.derivatives(q, qd)
+
+
+def test_parameters_from_base_have_these_base_parameters(picker):
+    beta = picker.to_base() + 0.1
+    np.testing.assert_allclose(picker.to_base(picker.parameters_from_base(beta)), beta, atol=1e-12)
+
+
 def test_closed_states_satisfy_the_loops_and_their_derivatives(fivebar):
     t = np.linspace(0, 2, 401)[:, None]
     q_i = [[2.0, 1.1]] + 0.2 * np.sin(t * [[3.0, 5.0]])

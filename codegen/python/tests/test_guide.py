@@ -1,15 +1,26 @@
-"""The snippets of the guide's page on Python run as they are printed."""
+"""The snippets of the guide's pages on Python run as they are printed."""
 
 import re
+import shutil
+
+import pytest
 
 from conftest import ROOT
 
 
-def test_the_guides_snippets_run(monkeypatch):
+@pytest.mark.parametrize(
+    ("page", "packages", "programs"), [("python", [], []), ("optimise", ["casadi", "jax"], ["cc"])]
+)
+def test_the_guides_snippets_run(monkeypatch, page, packages, programs):
+    for package in packages:
+        pytest.importorskip(package)
+    for program in programs:
+        if shutil.which(program) is None:
+            pytest.skip(f"there is no {program}")
     monkeypatch.chdir(ROOT)
-    page = (ROOT / "runtime" / "guide" / "pages" / "python.md").read_text()
-    blocks = re.findall(r"^```python\n(.*?)^```", page, re.M | re.S)
+    text = (ROOT / "runtime" / "guide" / "pages" / f"{page}.md").read_text()
+    blocks = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
     assert len(blocks) >= 4
     space = {}
     for block in blocks:
-        exec(compile(block, "python.md", "exec"), space)  # our own page
+        exec(compile(block, f"{page}.md", "exec"), space)  # our own page

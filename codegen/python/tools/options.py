@@ -8,7 +8,9 @@ from regen import _native
 #: Options that the package sets itself.
 OWN = {"format", "help", "no-cache", "from", "spec"}
 #: Options that write files, kept where the file is more than the result.
-OWN_OUT = {"excite", "simulate", "observe", "report"}
+OWN_OUT = {"excite", "simulate", "observe", "report", "export", "generate", "view"}
+#: Commands whose format is that of the result.
+OWN_FORMAT = {"equations"}
 #: The command and its class.
 COMMANDS = {
     "import": "ImportOptions",
@@ -19,9 +21,15 @@ COMMANDS = {
     "identify": "IdentifyOptions",
     "validate": "ValidateOptions",
     "report": "ReportOptions",
+    "rehearse": "RehearseOptions",
+    "equations": "EquationsOptions",
+    "generate": "GenerateOptions",
 }
 #: Options that are parameters of the methods.
-NAMED = {"simulate": {"trajectory", "parameters"}}
+NAMED = {
+    "simulate": {"trajectory", "parameters"},
+    "rehearse": {"trajectory", "parameters"},
+}
 
 HEAD = '''"""The keywords of the methods, by command. Written by tools/options.py; do not edit.
 
@@ -33,7 +41,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict, Union
+from typing import Any, Literal, TypedDict, Union
 
 Value = Union[str, int, float, "os.PathLike[str]", tuple[Any, ...], Mapping[str, Any], Any]
 Values = Union[Value, Sequence[Value]]
@@ -46,11 +54,13 @@ def main() -> None:
     parts = []
     for command, name in COMMANDS.items():
         rows = []
-        for option, takes, repeated, text in sorted(_native.options(command)):
+        for option, takes, repeated, words, text in sorted(_native.options(command)):
             own = OWN | NAMED.get(command, set()) | ({"out"} if command in OWN_OUT else set())
-            if option in own:
+            if option in own - ({"format"} if command in OWN_FORMAT else set()):
                 continue
             kind = ("Values | None" if repeated else "Value | None") if takes else "bool"
+            if words and not repeated:
+                kind = f"Literal[{', '.join(map(repr, words))}] | None".replace("'", '"')
             rows.append(f"    #: {' '.join(text.split())}")
             rows.append(f"    {option.replace('-', '_')}: {kind}")
         parts.append(

@@ -24,6 +24,9 @@ pub mod simulink {}
 #[doc = include_str!("../pages/plc.md")]
 pub mod plc {}
 
+#[doc = include_str!("../pages/optimise.md")]
+pub mod optimise {}
+
 #[doc = include_str!("../pages/equations.md")]
 pub mod equations {}
 

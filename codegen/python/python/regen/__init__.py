@@ -20,9 +20,10 @@ from .errors import (
     RegenWarning,
 )
 from .fleet import Factors
+from .functions import Closed, Derivatives
 from .logs import Log
-from .results import Excitation, Explanation, Identified, Inspection, Report, Validation
-from .robot import Closed, Robot, inspect, observe
+from .results import Excitation, Explanation, Identified, Inspection, Page, Rehearsal, Report, Validation
+from .robot import Robot, inspect, observe
 
 __version__ = _native.__version__
 
@@ -30,6 +31,7 @@ __all__ = [
     "Base",
     "CheckError",
     "Closed",
+    "Derivatives",
     "DescriptionError",
     "Excitation",
     "Explanation",
@@ -42,8 +44,10 @@ __all__ = [
     "Mistake",
     "NumericError",
     "OptionError",
+    "Page",
     "RegenError",
     "RegenWarning",
+    "Rehearsal",
     "Report",
     "Robot",
     "Validation",
@@ -54,12 +58,16 @@ __all__ = [
 
 def _document() -> None:
     """Adds the options of the command to the documentation of the methods that take them."""
-    for name in ("excite", "simulate", "inspect", "identify", "validate", "report", "observe"):
+    for name in (
+        "equations", "generate", "excite", "simulate", "rehearse", "inspect", "identify",
+        "validate", "report", "observe",
+    ):
         method = getattr(Robot, name)
+        hidden = {"format"} if name != "equations" else set()
         rows = [
             f"    {word}: {' '.join(text.split())}"
             for word, (_, _, text) in _call.options(name).items()
-            if word not in ("format", "help", "out", "no_cache")
+            if word not in {"help", "out", "no_cache", "spec"} | hidden
         ]
         method.__doc__ = "\n".join([method.__doc__ or "", "", "    Options:", "", *rows, ""])
 

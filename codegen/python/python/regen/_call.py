@@ -22,7 +22,7 @@ def options(command: str) -> dict[str, tuple[bool, bool, str]]:
     """The options of a command by keyword: takes a value, may be repeated, help."""
     return {
         name.replace("-", "_"): (takes, repeated, text)
-        for name, takes, repeated, text in _native.options(command)
+        for name, takes, repeated, _, text in _native.options(command)
     }
 
 
@@ -81,7 +81,7 @@ def call(
 ) -> str:
     """Runs a command, issues its warnings, and returns what it prints."""
     all_words = [command, *words(command, given)]
-    if "format" in options(command):
+    if "format" in options(command) and "format" not in given:
         all_words.append("--format=json")
     all_words.extend(["--", *positional])
     printed, notes = run(all_words, dict(texts or {}), progress)

@@ -10,7 +10,7 @@ import warnings
 from dataclasses import dataclass
 from typing import Iterable, Iterator
 
-from . import _native
+from . import _native, _spoken
 
 #: The folders of files whose frames a warning skips, so that it names the caller's line.
 _SKIPPED = (str(pathlib.Path(__file__).parent), str(contextlib.__file__))
@@ -23,8 +23,8 @@ class RegenWarning(UserWarning):
 
 
 def plain(message: str) -> str:
-    """A message with columns in memory named without their temporary folder."""
-    return _FOLDER.sub("", message)
+    """A message in the words of Python, with columns in memory named without their temporary folder."""
+    return _spoken.spoken(_FOLDER.sub("", message))
 
 
 def issue(notes: Iterable[str]) -> None:

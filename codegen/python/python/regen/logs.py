@@ -14,6 +14,7 @@ from typing import Any, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import plots
 from .errors import InputError
 
 #: Paths, an experiment as a dict, columns by name, a DataFrame, a :class:`Log`, or a list of these.
@@ -53,10 +54,15 @@ class Log(Mapping[str, "NDArray[np.float64]"]):
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], data: Mapping[str, Any] | None = None) -> Log:
-        """Reads a CSV file with one header line."""
+        """Reads a CSV file with one header line; empty cells are NaN."""
         with open(path, encoding="utf-8", newline="") as file:
             names = next(csv.reader([file.readline()]))
-            values = np.loadtxt(file, delimiter=",", ndmin=2)
+            rows = file.read()
+        try:
+            values = np.loadtxt(io.StringIO(rows), delimiter=",", ndmin=2)
+        except ValueError:
+            # slower, and reads an empty cell as NaN
+            values = np.atleast_2d(np.genfromtxt(io.StringIO(rows), delimiter=","))
         return cls(dict(zip(names, values.T)), data)
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
@@ -71,6 +77,10 @@ class Log(Mapping[str, "NDArray[np.float64]"]):
     def __repr__(self) -> str:
         rows = len(next(iter(self._columns.values())))
         return f"<Log of {rows} rows: {', '.join(self._columns)}>"
+
+    def plot(self, *names: str) -> Any:
+        """These columns over ``t``, all where none is named: a figure of matplotlib."""
+        return plots.columns(self, names or [name for name in self if name != "t"])
 
     def to_pandas(self) -> Any:
         """A DataFrame of the columns."""

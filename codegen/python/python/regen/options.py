@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict, Union
+from typing import Any, Literal, TypedDict, Union
 
 Value = Union[str, int, float, "os.PathLike[str]", tuple[Any, ...], Mapping[str, Any], Any]
 Values = Union[Value, Sequence[Value]]
@@ -20,7 +20,7 @@ class ImportOptions(TypedDict, total=False):
     #: Joints with motors [default: those of the file's transmissions or actuators, or else all that do not mimic others]
     actuated: Values | None
     #: How the root link is attached [default: as in the file; fixed in URDF]
-    base: Value | None
+    base: Literal["fixed", "floating"] | None
     #: Close a loop: NAME:TYPE:BODY@FRAME:BODY@FRAME (may be repeated)
     cut: Values | None
     #: Keep angles as written, also rounded multiples of pi
@@ -49,7 +49,7 @@ class ExciteOptions(TypedDict, total=False):
     #: Replace a cone of the spec: NAME=ANGLE, in rad, or in degrees as 45deg (may be repeated)
     cone: Values | None
     #: The measure that the trajectory minimises
-    criterion: Value | None
+    criterion: Literal["scaled", "condition", "determinant", "smallest"] | None
     #: The frequency of the first harmonic in Hz [default: 2/15, a period of 7.5 s]
     frequency: Value | None
     #: The number of harmonics
@@ -59,7 +59,7 @@ class ExciteOptions(TypedDict, total=False):
     #: The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities [default: 0.05]
     margin: Value | None
     #: Whether the payloads of the spec are carried; required if it has payloads
-    payload: Value | None
+    payload: Literal["none", "carried", "unknown"] | None
     #: The number of samples in a period
     samples: Value | None
     #: The seed of the random starts
@@ -94,7 +94,7 @@ class SimulateOptions(TypedDict, total=False):
     #: Standard deviations of measured positions (rad or m) and efforts
     noise: Value | None
     #: Whether the payloads of the spec are carried; required if it has payloads
-    payload: Value | None
+    payload: Literal["none", "carried", "unknown"] | None
     #: Change the parameters of each body, and all others, at random by up to this part
     perturb: Value | None
     #: Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
@@ -139,13 +139,13 @@ class InspectOptions(TypedDict, total=False):
     #: Write a first experiment file; an existing file is not replaced
     out: Value | None
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
-    payload: Value | None
+    payload: Literal["none", "carried", "unknown"] | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
     #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
     poses: bool
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
-    problems: Value | None
+    problems: Literal["fail", "drop", "keep", "tell"] | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
     #: Write a page with tables and figures
@@ -155,11 +155,11 @@ class InspectOptions(TypedDict, total=False):
     #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
     #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
-    standstill: Value | None
+    standstill: Literal["drop", "keep", "weigh"] | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
     #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
-    velocities: Value | None
+    velocities: Literal["measured", "computed"] | None
 
 
 class ObserveOptions(TypedDict, total=False):
@@ -188,13 +188,13 @@ class ObserveOptions(TypedDict, total=False):
     #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
     no_filter: bool
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
-    payload: Value | None
+    payload: Literal["none", "carried", "unknown"] | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
     #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
     poses: bool
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
-    problems: Value | None
+    problems: Literal["fail", "drop", "keep", "tell"] | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
     #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
@@ -202,11 +202,11 @@ class ObserveOptions(TypedDict, total=False):
     #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
     #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
-    standstill: Value | None
+    standstill: Literal["drop", "keep", "weigh"] | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
     #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
-    velocities: Value | None
+    velocities: Literal["measured", "computed"] | None
 
 
 class IdentifyOptions(TypedDict, total=False):
@@ -251,7 +251,7 @@ class IdentifyOptions(TypedDict, total=False):
     #: The index of the episode to read from LeRobot files [default: the only one]
     episode: Value | None
     #: The estimator [default: ls, or huber where residuals have heavy tails; --huber and --iv choose theirs]
-    estimator: Value | None
+    estimator: Literal["ls", "huber", "iv", "didim", "response"] | None
     #: Decide whether any physical robot has the least-squares parameters, then find the physical parameters that fit best: all ten of every body
     feasible: bool
     #: Write each figure of the page as an SVG file into this folder
@@ -287,7 +287,7 @@ class IdentifyOptions(TypedDict, total=False):
     #: Identified parameters of the robot without its load: only payloads are identified, and gains that PARAMS lacks. If PARAMS has a `covariance` (--covariance), standard deviations include it
     parameters: Value | None
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
-    payload: Value | None
+    payload: Literal["none", "carried", "unknown"] | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
     #: Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD (may be repeated) [default: from the robot's inertia, for the bandwidth at which the simulated motion is closest to the measured one]
@@ -297,7 +297,7 @@ class IdentifyOptions(TypedDict, total=False):
     #: Use the spec's nominal values as a prior: `weighted` or `weighted:PERCENT`, with standard deviations in percent of them [default 30], or `entropic` or `entropic:WEIGHT`, with the divergence of pseudo-inertias [default 1]
     prior: Value | None
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
-    problems: Value | None
+    problems: Literal["fail", "drop", "keep", "tell"] | None
     #: Write the parameters as a Python module, with a check of the model
     python: Value | None
     #: The rate of the rows in Hz, if no column has their time
@@ -317,7 +317,7 @@ class IdentifyOptions(TypedDict, total=False):
     #: The time at the start of each log that `didim` leaves out if it follows columns of commands, s
     settle: Value | None
     #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
-    standstill: Value | None
+    standstill: Literal["drop", "keep", "weigh"] | None
     #: Parameters to start from [default: the spec's nominal ones]
     start: Value | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
@@ -325,9 +325,9 @@ class IdentifyOptions(TypedDict, total=False):
     #: A known sum: 'm(1),m(2),m(3)=12.5'
     total: Values | None
     #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
-    velocities: Value | None
+    velocities: Literal["measured", "computed"] | None
     #: How the efforts are weighted against each other
-    weighting: Value | None
+    weighting: Literal["per-effort", "equal"] | None
     #: Length of the windows of `response`, s, whose first states are estimated
     window: Value | None
 
@@ -360,7 +360,7 @@ class ValidateOptions(TypedDict, total=False):
     #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
     no_filter: bool
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
-    payload: Value | None
+    payload: Literal["none", "carried", "unknown"] | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
     #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
@@ -368,7 +368,7 @@ class ValidateOptions(TypedDict, total=False):
     #: Write measured and predicted efforts of all logs here, CSV
     predict: Value | None
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
-    problems: Value | None
+    problems: Literal["fail", "drop", "keep", "tell"] | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
     #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
@@ -376,11 +376,11 @@ class ValidateOptions(TypedDict, total=False):
     #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
     #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
-    standstill: Value | None
+    standstill: Literal["drop", "keep", "weigh"] | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
     #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
-    velocities: Value | None
+    velocities: Literal["measured", "computed"] | None
 
 
 class ReportOptions(TypedDict, total=False):
@@ -413,13 +413,13 @@ class ReportOptions(TypedDict, total=False):
     #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
     no_filter: bool
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
-    payload: Value | None
+    payload: Literal["none", "carried", "unknown"] | None
     #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
     #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
     poses: bool
     #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
-    problems: Value | None
+    problems: Literal["fail", "drop", "keep", "tell"] | None
     #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
     #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
@@ -427,8 +427,135 @@ class ReportOptions(TypedDict, total=False):
     #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
     #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
-    standstill: Value | None
+    standstill: Literal["drop", "keep", "weigh"] | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
     #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
-    velocities: Value | None
+    velocities: Literal["measured", "computed"] | None
+
+
+class RehearseOptions(TypedDict, total=False):
+    """Of ``rehearse``."""
+
+    #: The bandwidth of controllers without --pid, Hz [default: 3; 6 or 12 where the loops cannot be kept closed with less]
+    bandwidth: Value | None
+    #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
+    butterworth: Value | None
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    column: Values | None
+    #: The level of the confidence intervals
+    confidence: Value | None
+    #: Use only every N-th state, after filtering
+    decimate: Value | None
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S (0: none); `auto` corrects those that least squares of these logs finds [default: corrected where a filter is chosen and they are beyond chance]
+    delay: Values | None
+    #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
+    deviation: Values | None
+    #: The number of draws for the intervals of feasible parameters
+    draws: Value | None
+    #: The duration of a run in s [default: one period]
+    duration: Value | None
+    #: Use the energy balance over windows of this length in s instead of the equations of motion, which needs no accelerations
+    energy: Value | None
+    #: The index of the episode to read from LeRobot files [default: the only one]
+    episode: Value | None
+    #: The estimator
+    estimator: Literal["ls", "huber", "iv", "didim", "response"] | None
+    #: Identify physically feasible parameters
+    feasible: bool
+    #: Differentiate the finite Fourier series of this frequency in Hz and number of harmonics
+    fourier: Value | None
+    #: Also identify the nonlinear friction of the spec
+    friction: bool
+    #: The width of the smoothed sign of Coulomb friction, rad/s or m/s [default: 0.001]
+    friction_width: Value | None
+    #: The true gain of a drive whose gain is unknown in RUNS, N m/A or N/A: NAME=VALUE (may be repeated) [default: 1]
+    gain: Values | None
+    #: Residuals beyond K standard deviations count linearly [default: 1.345 with --estimator huber]
+    huber: Value | None
+    #: Keep the simulated logs in this folder
+    keep: Value | None
+    #: Time constant of the drives, s
+    lag: Value | None
+    #: Fit cubic polynomials within this time in s on either side
+    local: Value | None
+    #: Where the files of an experiment file are [default: its own folder]
+    logs: Value | None
+    #: Replace the robot's controllers in didim by ones of this bandwidth in Hz
+    loop_bandwidth: Value | None
+    #: Use no filter, but central differences of the positions as they are, for logs that were filtered before
+    no_filter: bool
+    #: Simulate without friction
+    no_friction: bool
+    #: Standard deviations of measured positions (rad or m) and efforts
+    noise: Value | None
+    #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
+    payload: Literal["none", "carried", "unknown"] | None
+    #: Average over the repetitions of a trajectory with this period in s
+    period: Value | None
+    #: Change the parameters of each body, and all others, at random by up to this part
+    perturb: Value | None
+    #: Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
+    pid: Values | None
+    #: Each row is a pose at rest, with efforts that were averaged there: no time is read, velocities and accelerations are 0
+    poses: bool
+    #: Use the spec's nominal values as a prior: weighted, weighted:PERCENT, entropic or entropic:WEIGHT
+    prior: Value | None
+    #: The treatment of faulty rows [default: fail, but short gaps and repeated rows are bridged, and long ones divide the log]
+    problems: Literal["fail", "drop", "keep", "tell"] | None
+    #: The resolution of measured positions and, if given, of efforts
+    quantum: Value | None
+    #: The rate of the rows in Hz, if no column has their time
+    rate: Value | None
+    #: Give iv and didim the trajectory
+    reference: bool
+    #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
+    resample: Value | None
+    #: Velocities below this, rad/s or m/s, also count as rest
+    rest_speed: Value | None
+    #: The number of runs per seed to identify from [default: 1]
+    runs: Value | None
+    #: The least score for exit code 0, percent
+    score: Value | None
+    #: The seed of noise and perturbation: the same seed gives the same logs
+    seed: Value | None
+    #: The number of seeds, beginning with --seed
+    seeds: Value | None
+    #: The time at the start that is left out of the log, s
+    settle: Value | None
+    #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
+    standstill: Literal["drop", "keep", "weigh"] | None
+    #: Time between samples of the controller and of the log, s [default: 0.01]
+    step: Value | None
+    #: The number of threads, on which the result does not depend [default: all]
+    threads: Value | None
+    #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
+    topic: Value | None
+    #: An effect that the simulated robot has and the model lacks: stribeck=PART or stribeck=PART,SPEED
+    unmodelled: Value | None
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    velocities: Literal["measured", "computed"] | None
+    #: How the efforts are weighted against each other
+    weighting: Literal["per-effort", "equal"] | None
+    #: Length of the windows of `response`, s
+    window: Value | None
+
+
+class EquationsOptions(TypedDict, total=False):
+    """Of ``equations``."""
+
+    #: The language of the result
+    format: Literal["text", "latex", "sympy"] | None
+    #: The equations [default: closure with loops, dynamics without]
+    of: Literal["closure", "jacobian", "X", "regressor", "dynamics"] | None
+    #: The parameters of regressor and dynamics
+    parameters: Literal["all", "base"] | None
+
+
+class GenerateOptions(TypedDict, total=False):
+    """Of ``generate``."""
+
+    #: Write nothing; report every file that differs, is missing or is stale, and exit with 1 if there is one
+    check: bool
+    #: The language of the files
+    target: Literal["rust", "c", "casadi"] | None

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _call
+from . import _call, plots
+from .logs import Log
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -108,6 +109,10 @@ class Identified(Result):
         """All parameters of a physical model as a table."""
         return _table(self.data.get("physical") or [], "label")
 
+    def plot(self) -> Any:
+        """The parameters with their intervals, in percent of the values: a figure of matplotlib."""
+        return plots.parameters(self)
+
     def __repr__(self) -> str:
         return f"<Identified {self.data['robot']}: {len(self.labels)} base parameters, {self.method}>"
 
@@ -117,8 +122,48 @@ class Identified(Result):
         return f"<p>{html.escape(repr(self)[1:-1])}</p>" + _html(rows)
 
 
+class Rehearsal(Result):
+    """How often simulated logs would give the true parameters."""
+
+    @property
+    def score(self) -> float:
+        """The percentage of seeds within 3 sigma of the truth, for the parameter where it is lowest."""
+        least = self.data["least"]
+        return float("nan") if least is None else float(least)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the score reaches the option ``score``, 90 % where it is not given."""
+        return bool(self.data["passed"])
+
+    @property
+    def table(self) -> Any:
+        """Truth, mean estimate, errors and intervals of each parameter: a DataFrame with pandas."""
+        return _table(self.data["parameters"], "label")
+
+    def __repr__(self) -> str:
+        verdict = "passed" if self.passed else "not passed"
+        return f"<Rehearsal of {self.data['robot']}: score {self.score:.1f} %, {verdict}>"
+
+    def _repr_html_(self) -> str:
+        names = ("label", "truth", "mean", "rms_percent", "sigma_percent", "bias", "within", "inside")
+        rows = [{n: row.get(n) for n in names} for row in self.data["parameters"]]
+        return f"<p>{html.escape(repr(self)[1:-1])}</p>" + _html(rows)
+
+
 class Validation(Result):
     """The errors of predicted efforts."""
+
+    def __init__(self, data: dict[str, Any], predictions: Log) -> None:
+        super().__init__(data)
+        #: Measured and predicted efforts as they are compared, N m or N: columns ``t`` in s,
+        #: ``tau_NAME`` and ``predicted_NAME`` of each independent coordinate, with several logs
+        #: ``run`` from 1, NaN where an equation is not used; ``predicted2_NAME`` with ``beside``.
+        self.predictions = predictions
+
+    def plot(self) -> Any:
+        """Measured and predicted efforts over time, a row for each effort: a figure of matplotlib."""
+        return plots.efforts(self.predictions)
 
     @property
     def relative_absolute(self) -> NDArray[np.float64]:
@@ -199,7 +244,7 @@ class Explanation:
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-class Report:
+class Page:
     """A page; ``html`` is its text, which needs no network."""
 
     def __init__(self, text: str) -> None:
@@ -211,8 +256,12 @@ class Report:
         pathlib.Path(path).write_text(self.html, encoding="utf-8")
 
     def __repr__(self) -> str:
-        return f"<Report of {len(self.html)} characters>"
+        return f"<{type(self).__name__} of {len(self.html)} characters>"
 
     def _repr_html_(self) -> str:
         page = html.escape(self.html, quote=True)
         return f'<iframe srcdoc="{page}" style="width:100%;height:40em;border:0"></iframe>'
+
+
+class Report(Page):
+    """The page of an identification."""
