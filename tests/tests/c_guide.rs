@@ -107,7 +107,7 @@ fn the_guide_s_controllers_compile_and_close_the_loops() {
     }
     let folder = folder("c-guide");
     let names = write_files(&folder);
-    assert_eq!(names.len(), 5, "{names:?}");
+    assert_eq!(names.len(), 6, "{names:?}");
     for name in &names {
         let ends = std::path::Path::new(name).extension();
         if ends.is_some_and(|end| end == "c") {
