@@ -23,6 +23,7 @@ from regen._spoken import spoken
         ),
         ("--payload unknown is for `regen identify`", "payload='unknown' is for `Robot.identify()`"),
         ("by `regen import --lock` or", "by `Robot(lock=...)` or"),
+        ("gains, for `identify --controller`", "gains, for `Robot.identify(controller=...)`"),
         ("`regen identify --feasible`", "`Robot.identify(feasible=True)`"),
         ("try regen simulate --help", "try help(regen.Robot.simulate)"),
         ("a--feasible -- and --no-such-option 3", "a--feasible -- and --no-such-option 3"),

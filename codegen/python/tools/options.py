@@ -4,6 +4,7 @@
 """
 
 from regen import _native
+from regen._spoken import spoken
 
 #: Options that the package sets itself.
 OWN = {"format", "help", "no-cache", "from", "spec"}
@@ -61,7 +62,7 @@ def main() -> None:
             kind = ("Values | None" if repeated else "Value | None") if takes else "bool"
             if words and not repeated:
                 kind = f"Literal[{', '.join(map(repr, words))}] | None".replace("'", '"')
-            rows.append(f"    #: {' '.join(text.split())}")
+            rows.append(f"    #: {spoken(' '.join(text.split()))}")
             rows.append(f"    {option.replace('-', '_')}: {kind}")
         parts.append(
             "\n".join([f"class {name}(TypedDict, total=False):", f'    """Of ``{command}``."""', "", *rows])

@@ -6,7 +6,7 @@
 >>> robot.identify("runs.yaml").table         # doctest: +SKIP
 """
 
-from . import _call, _native
+from . import _call, _native, _spoken
 from .base import Base
 from .errors import (
     CheckError,
@@ -65,7 +65,7 @@ def _document() -> None:
         method = getattr(Robot, name)
         hidden = {"format"} if name != "equations" else set()
         rows = [
-            f"    {word}: {' '.join(text.split())}"
+            f"    {word}: {_spoken.spoken(' '.join(text.split()))}"
             for word, (_, _, text) in _call.options(name).items()
             if word not in {"help", "out", "no_cache", "spec"} | hidden
         ]

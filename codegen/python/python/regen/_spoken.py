@@ -17,7 +17,10 @@ _OTHERS = {"import": "Robot()", "base": "Robot.base", "info": "Robot()", "eval":
 #: What the parser of options adds for those who type commands.
 _USAGE = re.compile(r"\n\n(?:Usage: [^\n]*|For more information, try '--help'\.)")
 #: A command between quotes, with options that follow it; or with its help.
-_COMMAND = re.compile(r"(`|')regen ([a-z]+)((?: --[a-z-]+(?:[= ][^\s`'-][^\s`']*)?)*)\1|\bregen ([a-z]+) --help\b")
+_GIVEN = r"(?: --[a-z-]+(?:[= ][^\s`'-][^\s`']*)?)"
+_COMMAND = re.compile(
+    rf"(`|')(?:regen ([a-z]+)({_GIVEN}*)|([a-z]+)({_GIVEN}+))\1|\bregen ([a-z]+) --help\b"
+)
 #: An option, with the placeholder of the parser of options or with what may be its value.
 _OPTION = re.compile(
     r"(?<![\w-])--([a-z][a-z0-9-]*)(?: <[^>]*>(?:\.\.\.)?|[= ]('[^']*'|\"[^\"]*\"|[^\s`'\"()]+))?"
@@ -51,12 +54,12 @@ def spoken(message: str) -> str:
 
 
 def _method(match: re.Match[str]) -> str:
-    name, options = match[2] or match[4], match[3] or ""
+    name, options = match[2] or match[4] or match[6], match[3] or match[5] or ""
     method = f"Robot.{name}()" if name in METHODS else _OTHERS.get(name)
     if method is None:
         return match[0]
     quote = match[1] or ""
-    if match[4] or options == " --help":
+    if match[6] or options == " --help":
         return f"{quote}help(regen.{method.removesuffix('()')}){quote}"
     arguments = _OPTION.sub(_argument, options).strip()
     # an option whose value is left open

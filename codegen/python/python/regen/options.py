@@ -25,7 +25,7 @@ class ImportOptions(TypedDict, total=False):
     cut: Values | None
     #: Keep angles as written, also rounded multiples of pi
     exact: bool
-    #: Replace the file of --out if it exists
+    #: Replace the file of `out` if it exists
     force: bool
     #: Give joints with motors friction and rotor inertia, as drives with gears have, where the file states none
     geared: bool
@@ -75,11 +75,11 @@ class ExciteOptions(TypedDict, total=False):
 class SimulateOptions(TypedDict, total=False):
     """Of ``simulate``."""
 
-    #: The bandwidth of controllers without --pid, Hz [default: 3; 6 or 12 where the loops cannot be kept closed with less]
+    #: The bandwidth of controllers without `pid`, Hz [default: 3; 6 or 12 where the loops cannot be kept closed with less]
     bandwidth: Value | None
     #: Also log the commanded positions, as cmd_NAME
     commands: bool
-    #: Write the controllers' gains here, for `identify --controller`: YAML if FILE ends in .yaml, else JSON
+    #: Write the controllers' gains here, for `Robot.identify(controller=...)`: YAML if FILE ends in .yaml, else JSON
     controller: Value | None
     #: The duration of a run in s [default: one period]
     duration: Value | None
@@ -158,7 +158,7 @@ class InspectOptions(TypedDict, total=False):
     standstill: Literal["drop", "keep", "weigh"] | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; `fourier` uses positions only
     velocities: Literal["measured", "computed"] | None
 
 
@@ -205,14 +205,14 @@ class ObserveOptions(TypedDict, total=False):
     standstill: Literal["drop", "keep", "weigh"] | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; `fourier` uses positions only
     velocities: Literal["measured", "computed"] | None
 
 
 class IdentifyOptions(TypedDict, total=False):
     """Of ``identify``."""
 
-    #: Logs to predict with every model, and to cross-validate --reduce with
+    #: Logs to predict with every model, and to cross-validate reduce=True with
     against: Values | None
     #: Newey and West's deviations, with this number of samples over which residuals are correlated [default: from cosines of whitened scores]
     bandwidth: Value | None
@@ -230,9 +230,9 @@ class IdentifyOptions(TypedDict, total=False):
     command: Values | None
     #: The level of the confidence intervals
     confidence: Value | None
-    #: The controllers, JSON or YAML: `q1: {kp: 40, kd: 2}` for each actuated joint; `regen simulate --controller` writes such a file
+    #: The controllers, JSON or YAML: `q1: {kp: 40, kd: 2}` for each actuated joint; `Robot.simulate(controller=...)` writes such a file
     controller: Value | None
-    #: Also write the covariance of base parameters and gains to the file of --out
+    #: Also write the covariance of base parameters and gains to the file of `out`
     covariance: bool
     #: Cross-validate: identify from all logs but one and predict that one, in turn
     cross: bool
@@ -250,7 +250,7 @@ class IdentifyOptions(TypedDict, total=False):
     energy: Value | None
     #: The index of the episode to read from LeRobot files [default: the only one]
     episode: Value | None
-    #: The estimator [default: ls, or huber where residuals have heavy tails; --huber and --iv choose theirs]
+    #: The estimator [default: ls, or huber where residuals have heavy tails; `huber` and iv=True choose theirs]
     estimator: Literal["ls", "huber", "iv", "didim", "response"] | None
     #: Decide whether any physical robot has the least-squares parameters, then find the physical parameters that fit best: all ten of every body
     feasible: bool
@@ -284,7 +284,7 @@ class IdentifyOptions(TypedDict, total=False):
     no_suspicion: bool
     #: Write the parameters for `validate` and `export`: YAML if PARAMS ends in .yaml, else JSON
     out: Value | None
-    #: Identified parameters of the robot without its load: only payloads are identified, and gains that PARAMS lacks. If PARAMS has a `covariance` (--covariance), standard deviations include it
+    #: Identified parameters of the robot without its load: only payloads are identified, and gains that PARAMS lacks. If PARAMS has a `covariance` (covariance=True), standard deviations include it
     parameters: Value | None
     #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Literal["none", "carried", "unknown"] | None
@@ -304,9 +304,9 @@ class IdentifyOptions(TypedDict, total=False):
     rate: Value | None
     #: Eliminate base parameters that are zero within their errors, as long as the fit gets no worse than chance explains, and make the rest physically feasible; every step is printed
     reduce: bool
-    #: The trajectory that the controllers followed, as `regen excite` writes it; instruments, or the motion of `didim`, are simulated along it
+    #: The trajectory that the controllers followed, as `Robot.excite()` writes it; instruments, or the motion of `didim`, are simulated along it
     reference: Value | None
-    #: Write a page with tables and figures of the result, and of the logs of --against; see `regen report`
+    #: Write a page with tables and figures of the result, and of the logs of `against`; see `Robot.report()`
     report: Value | None
     #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
     resample: Value | None
@@ -324,7 +324,7 @@ class IdentifyOptions(TypedDict, total=False):
     topic: Value | None
     #: A known sum: 'm(1),m(2),m(3)=12.5'
     total: Values | None
-    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; `fourier` uses positions only
     velocities: Literal["measured", "computed"] | None
     #: How the efforts are weighted against each other
     weighting: Literal["per-effort", "equal"] | None
@@ -379,7 +379,7 @@ class ValidateOptions(TypedDict, total=False):
     standstill: Literal["drop", "keep", "weigh"] | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; `fourier` uses positions only
     velocities: Literal["measured", "computed"] | None
 
 
@@ -430,14 +430,14 @@ class ReportOptions(TypedDict, total=False):
     standstill: Literal["drop", "keep", "weigh"] | None
     #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; `fourier` uses positions only
     velocities: Literal["measured", "computed"] | None
 
 
 class RehearseOptions(TypedDict, total=False):
     """Of ``rehearse``."""
 
-    #: The bandwidth of controllers without --pid, Hz [default: 3; 6 or 12 where the loops cannot be kept closed with less]
+    #: The bandwidth of controllers without `pid`, Hz [default: 3; 6 or 12 where the loops cannot be kept closed with less]
     bandwidth: Value | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
@@ -471,7 +471,7 @@ class RehearseOptions(TypedDict, total=False):
     friction_width: Value | None
     #: The true gain of a drive whose gain is unknown in RUNS, N m/A or N/A: NAME=VALUE (may be repeated) [default: 1]
     gain: Values | None
-    #: Residuals beyond K standard deviations count linearly [default: 1.345 with --estimator huber]
+    #: Residuals beyond K standard deviations count linearly [default: 1.345 with `estimator` huber]
     huber: Value | None
     #: Keep the simulated logs in this folder
     keep: Value | None
@@ -519,7 +519,7 @@ class RehearseOptions(TypedDict, total=False):
     score: Value | None
     #: The seed of noise and perturbation: the same seed gives the same logs
     seed: Value | None
-    #: The number of seeds, beginning with --seed
+    #: The number of seeds, beginning with `seed`
     seeds: Value | None
     #: The time at the start that is left out of the log, s
     settle: Value | None
@@ -533,7 +533,7 @@ class RehearseOptions(TypedDict, total=False):
     topic: Value | None
     #: An effect that the simulated robot has and the model lacks: stribeck=PART or stribeck=PART,SPEED
     unmodelled: Value | None
-    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use; measured ones unless the choice finds those computed from positions better. They pass the filter of the positions, and accelerations are their derivative; `fourier` uses positions only
     velocities: Literal["measured", "computed"] | None
     #: How the efforts are weighted against each other
     weighting: Literal["per-effort", "equal"] | None
