@@ -23,8 +23,9 @@ def test_everything_public_is_documented():
     for name in regen.__all__:
         public = getattr(regen, name)
         assert public.__doc__, name
-        for member, value in vars(public).items() if isinstance(public, type) else ():
-            if callable(value) and not member.startswith("_"):
+        for member in dir(public) if isinstance(public, type) else ():
+            value = getattr(public, member)
+            if not member.startswith("_") and (callable(value) or isinstance(value, property)):
                 assert value.__doc__, f"{name}.{member}"
     assert "fourier" in regen.Robot.identify.__doc__
 
