@@ -585,6 +585,21 @@ fn the_zero_of_a_position_that_is_not_that_of_the_spec_is_told_with_its_size() {
 }
 
 #[test]
+fn a_constant_in_an_effort_is_told_where_parameters_take_most_of_it_up() {
+    let (dir, log) = bench("constants");
+    let text = log.each("tau_q1", |_, x| x + 0.1).text();
+    let run = identify(&dir, &text, &["--format", "json"]).ended(0);
+    // the errors are those of a good log
+    assert!(error_of(&run) < 2.0, "{}", error_of(&run));
+    let told = run
+        .err
+        .split_once("column `tau_q1` contains a constant of ");
+    let size = told.and_then(|(_, told)| told.split(' ').next()?.parse::<f64>().ok());
+    let size = size.expect(&run.err);
+    assert!((size - 0.1).abs() < 0.02, "{size}");
+}
+
+#[test]
 fn an_effort_that_is_far_off_in_a_part_of_the_log_is_told_with_a_remedy_that_works() {
     let (dir, log) = bench("far_efforts");
     let clean = identify(&dir, &log.text(), &["--format", "json"])

@@ -186,7 +186,7 @@ def dropout(log, random):
         log.table = np.delete(log.table, np.arange(first, end), axis=0)
     else:
         log.table[first:end, 1:] = log.table[first - 1, 1:]
-    return [], r"gap|dropout|missing|repeat|same as"
+    return [], r"gap|dropout|missing|repeat|same as|stands still"
 
 
 def swapped_runs(log, random):

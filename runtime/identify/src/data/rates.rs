@@ -136,7 +136,8 @@ impl Rates {
         common(&slopes.collect::<Vec<_>>())
     }
 
-    /// The mistake of the first velocity column that does not fit its position; `None` if all fit.
+    /// The mistakes of velocity columns that do not fit their positions; `None` if all fit. Signs and factors are
+    /// told of all columns at once, each with its assignment in a line, what is no such motion of the first only.
     /// Positions that hardly move are not judged.
     ///
     /// - `pairs`: the columns of each coordinate;
@@ -203,6 +204,7 @@ impl Rates {
                 assignment: Some(format!("t={clock}*{}", figure(1.0 / slope))),
             });
         }
+        let mut found: Vec<Unfit> = Vec::new();
         for (k, pair) in pairs.iter().enumerate().take(m) {
             let Pair {
                 name,
@@ -214,7 +216,7 @@ impl Rates {
                 continue;
             }
             let own = correlation(k, k);
-            if !own.is_finite() {
+            if !own.is_finite() && found.is_empty() {
                 return Some(Unfit::from(format!(
                     "column `{velocity}` is 0 while column `{position}` moves: leave it out"
                 )));
@@ -228,10 +230,15 @@ impl Rates {
             let is_other = own.abs() < MIN_SAME_CORRELATION
                 && other.is_some_and(|j| correlation(k, j).abs() > MIN_SAME_CORRELATION);
             if own < -MIN_CORRELATION && !is_other {
-                return Some(Unfit {
+                found.push(Unfit {
                     why: format!("{head}; the sign of one of them is flipped. Read that with"),
                     assignment: Some(format!("{prefix}{name}={velocity}*{}", -factor)),
                 });
+                continue;
+            }
+            // of another signal no assignment is sure beside other mistakes
+            if !found.is_empty() && !(own > MIN_CORRELATION && !is_other) {
+                continue;
             }
             if own < MIN_CORRELATION || is_other {
                 // all velocities of the exchange at once, as one column is not read twice
@@ -276,11 +283,28 @@ impl Rates {
                 MAX_RATIO
             };
             if !(1.0 / most..most).contains(&slope) {
-                return Some(scaled(slope, pair, words));
+                found.push(scaled(slope, pair, words));
             }
         }
-        None
+        together(found)
     }
+}
+
+/// Several mistakes as one, whose assignments are lines.
+fn together(mut found: Vec<Unfit>) -> Option<Unfit> {
+    if found.len() < 2 {
+        return found.pop();
+    }
+    let what = |own: &Unfit| {
+        let end = own.why.rfind(". ").unwrap_or(own.why.len());
+        own.why[..end].to_owned()
+    };
+    let each: Vec<String> = found.iter().map(what).collect();
+    let assignments: Option<Vec<String>> = found.into_iter().map(|own| own.assignment).collect();
+    Some(Unfit {
+        why: format!("{}. Read each in another way, with", each.join("; ")),
+        assignment: Some(assignments?.join("\n")),
+    })
 }
 
 /// Ratios of a velocity to the rate of its position that a wrong unit of time causes.
@@ -470,5 +494,12 @@ mod tests {
         assert_eq!(assignment.as_deref(), Some("qd_q2=vq2*0.25"));
         let (why, _) = said([-1.0, 1.0]).unwrap_or_default();
         assert!(why.contains("sign"), "{why}");
+        // two mistakes are told together
+        let (why, assignment) = said([-1.0, 57.3]).unwrap_or_default();
+        assert!(
+            why.contains("`vq1`") && why.contains("`vq2` looks like degrees per second"),
+            "{why}"
+        );
+        assert_eq!(assignment.as_deref(), Some("qd_q1=vq1*-1\nqd_q2=vq2:deg/s"));
     }
 }

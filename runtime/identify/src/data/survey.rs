@@ -292,7 +292,7 @@ impl LogFile {
             return Err(unfit.of(&self.name));
         }
         let doubted_rate = mistake(Strictness::Doubted).and_then(|unfit| {
-            let (what, _) = unfit.why.split_once(". ")?;
+            let (what, _) = unfit.why.rsplit_once(". ")?;
             Some((what.to_owned(), unfit.assignment?))
         });
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();

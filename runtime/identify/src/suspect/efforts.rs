@@ -3,8 +3,8 @@
 
 use super::grams::{Fit, Grams};
 use super::{
-    Change, MAX_EXPLAINED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Reading, facts,
-    implausible_count, judge, quality, worst,
+    Change, MAX_EXPLAINED_ERROR, MAX_OFFSET_PART, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Reading,
+    facts, implausible_count, judge, quality, worst,
 };
 use regen_runtime::BaseModel;
 
@@ -17,6 +17,8 @@ const EQUIVALENT_RATIO: f64 = 1.05;
 const MAX_ROUNDS: usize = 3;
 /// A free factor on an effort must reduce the product of errors by this factor.
 const MIN_GAIN_OF_FACTOR: f64 = 3.0;
+/// The factor by which a change must reduce the product of errors if it leaves noise.
+const MIN_GAIN_IN_NOISE: f64 = 1.3;
 /// Factors on an effort between 1 over this and this may come from geometry and friction, and are
 /// not reported.
 const MIN_REPORTED_FACTOR: f64 = 2.0;
@@ -135,6 +137,61 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     Some(change)
 }
 
+/// The sign, the unit or the exchange of two that explains most of a log of which noise leaves so much that no
+/// change halves the errors.
+pub(super) fn in_noise<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    own: &[f64],
+    now: &Fit,
+) -> Option<Change> {
+    let count = model.info().actuated.len();
+    let plain = Reading::plain(count);
+    let mut best: Option<(f64, Vec<Reading>, Fit)> = None;
+    let mut tried: Vec<(Vec<Reading>, Vec<usize>)> = Vec::new();
+    for k in 0..count {
+        for factor in [-1.0].iter().chain(&UNITS) {
+            let mut read = plain.clone();
+            read[k].factor = *factor;
+            tried.push((read, vec![k]));
+        }
+        for l in 0..k {
+            let mut read = plain.clone();
+            read.swap(k, l);
+            read[k].factor = own[k] / own[l];
+            read[l].factor = own[l] / own[k];
+            tried.push((read, vec![k, l]));
+        }
+    }
+    for (read, touched) in tried {
+        let Some(fit) = grams.fit(&read, &[]) else {
+            continue;
+        };
+        let candidate = Candidate {
+            read,
+            offsets: Vec::new(),
+            touched,
+            needed: MIN_GAIN_IN_NOISE,
+        };
+        let error = quality(&fit.errors);
+        let is_least = best.as_ref().is_none_or(|(least, ..)| error < *least);
+        if is_least
+            && quality(&now.errors) > candidate.needed * error
+            && worst(&fit.errors) < worst(&now.errors)
+            && accepted(grams, &candidate, &fit)
+        {
+            best = Some((error, candidate.read, fit));
+        }
+    }
+    let (_, efforts, fit) = best?;
+    Some(Change {
+        efforts,
+        before: now.errors.clone(),
+        after: fit.errors,
+        ..Change::none(count, 0)
+    })
+}
+
 /// The offsets of all efforts; 0 for those without one.
 fn shifts(count: usize, offsets: &[usize], fit: &Fit, grams: &Grams) -> Vec<f64> {
     let mut out = vec![0.0; count];
@@ -155,7 +212,10 @@ fn accepted(grams: &Grams, candidate: &Candidate, fit: &Fit) -> bool {
     let values = fit.values.get(grams.columns()..).unwrap_or_default();
     let shifted = candidate.offsets.iter().zip(values).all(|(k, value)| {
         let own = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(*k));
-        own.is_none_or(|i| fit.sizes[i] * MIN_OFFSET_PART <= value.abs())
+        own.is_none_or(|i| {
+            let sizes = fit.sizes[i] * MIN_OFFSET_PART..=fit.sizes[i] * MAX_OFFSET_PART;
+            sizes.contains(&value.abs())
+        })
     });
     shifted && equations.all(|e| *e < MAX_EXPLAINED_ERROR)
 }

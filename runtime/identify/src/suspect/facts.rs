@@ -2,14 +2,16 @@
 //! that contradict the nominal bodies, negative friction or rotor inertia.
 
 use super::grams::{Fit, Grams, named};
-use super::{MIN_OFFSET_PART, Reading, Sample};
-use regen_runtime::{BaseModel, BaseTerm, Info, Parameter, Symbol};
+use super::{Change, MIN_OFFSET_PART, Reading, Sample};
+use regen_runtime::{BaseModel, BaseTerm, Info, Motion, Parameter, Symbol};
 
 /// Friction drives a joint if its power into the joint is more than this part of the efforts'
 /// power.
 const DRIVING_POWER_PART: f64 = 0.05;
 /// Positions or velocities of more than this many times their limits cannot be those of this robot.
 const MAX_LIMIT_RATIO: f64 = 5.0;
+/// The part of its range by which a position may be beyond it in its right unit.
+const MAX_UNIT_MARGIN: f64 = 0.2;
 /// A value more than this many standard deviations below zero is certainly negative.
 const CERTAIN_DEVIATIONS: f64 = 6.0;
 /// A negative parameter matters if a fit without it has an error larger by this factor.
@@ -73,6 +75,59 @@ pub(super) fn beyond_limits<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Samp
             })
     };
     sample.measured.iter().enumerate().any(beyond)
+}
+
+/// The units of positions that move over more than the range of their joints, and are within it in degrees or
+/// millimetres; `None` if there are none. Where all that have limits do, those without are in the same unit.
+pub(super) fn units_by_limits<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+) -> Option<Change> {
+    let info = model.info();
+    let count = sample.measured.len();
+    let mut out = Change::none(info.actuated.len(), count);
+    let mut is_found = false;
+    for (kind, unit) in [
+        (Motion::Rotation, core::f64::consts::PI / 180.0),
+        (Motion::Translation, 1e-3),
+    ] {
+        let (mut own, mut right) = (Vec::new(), false);
+        for (k, c) in sample.measured.iter().enumerate() {
+            let Some(joint) = info.joints.get(*c).filter(|joint| joint.motion == kind) else {
+                continue;
+            };
+            let Some([low, high]) = joint.limits.position else {
+                continue;
+            };
+            let values = || sample.states.iter().filter_map(|s| s.motion[0].get(k));
+            let bounds = values().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], q| {
+                [a.min(*q), b.max(*q)]
+            });
+            let [least, most] = bounds;
+            let margin = MAX_UNIT_MARGIN * (high - low);
+            let fits = unit * least > low - margin && unit * most < high + margin;
+            if most - least > high - low && fits {
+                own.push(k);
+            } else {
+                right = true;
+            }
+        }
+        if own.is_empty() {
+            continue;
+        }
+        is_found = true;
+        for (k, reading) in out.positions.iter_mut().enumerate() {
+            let of_kind = sample
+                .measured
+                .get(k)
+                .and_then(|c| info.joints.get(*c))
+                .is_some_and(|joint| joint.motion == kind);
+            if own.contains(&k) || (of_kind && !right) {
+                reading.factor = unit;
+            }
+        }
+    }
+    is_found.then_some(out)
 }
 
 /// The coordinates whose friction drives the joint, with its power over the efforts' power

@@ -107,6 +107,18 @@ impl Remedy {
     }
 }
 
+impl Suspicion {
+    /// The effort whose error is reduced most, with the error with the change and without it; `None` if none is.
+    fn most_reduced(&self) -> Option<(&str, f64, f64)> {
+        let ratio = |own: &EffortChange| own.error.map_or(0.0, |error| error / own.changed);
+        let best = self
+            .efforts
+            .iter()
+            .max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
+        (ratio(best) > 1.0).then_some((best.name.as_str(), best.changed, best.error?))
+    }
+}
+
 impl std::fmt::Display for Suspicion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}: {}", self.file, self.what)?;
@@ -115,6 +127,15 @@ impl std::fmt::Display for Suspicion {
             let [changed, error] = [changed, error].map(|e| format!("{e:.1}"));
             if changed == error {
                 return Ok(());
+            }
+            // another effort has the largest error then
+            if self.changed > self.error
+                && let Some((name, changed, error)) = self.most_reduced()
+            {
+                return write!(
+                    f,
+                    ": so read, the error of `{name}` is {changed:.1} % and not {error:.1} %"
+                );
             }
             write!(
                 f,
@@ -274,10 +295,10 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     );
     out.extend(columns.spikes(&sample.spikes));
     out.extend(held(columns, sample));
-    if let Some((what, assignment)) = &sample.doubted_rate
-        && let Ok(assignment) = assignment.parse()
+    if let Some((what, assignments)) = &sample.doubted_rate
+        && let Ok(assignments) = assignments.lines().map(str::parse).collect()
     {
-        out.push(columns.suspicion(what.clone(), Remedy::columns(vec![assignment])));
+        out.push(columns.suspicion(what.clone(), Remedy::columns(assignments)));
     }
     if out.is_empty() {
         out.extend(missed_by_series(columns, sample, &findings.errors));
@@ -640,23 +661,31 @@ fn beyond<M: BaseModel<f64> + ?Sized>(
         let part = outside.count() as f64 / sample.states.len().max(1) as f64;
         if margin > 0.0 && part > MIN_BEYOND_TIME {
             let source = columns.source(&Quantity::Position(columns.name(*c)));
-            out.push(columns.suspicion(
-                format!(
-                    "column `{}` is beyond the limits of its joint, {} to {}, in {:.0} % of the rows",
-                    source.column,
-                    text::figure(low),
-                    text::figure(high),
-                    100.0 * part
-                ),
-                Remedy::Read {
-                    advice: vec![
-                        "Its sign, its zero or its unit is another one than the spec's, or the limits \
-                         are wrong"
-                            .to_owned(),
-                    ],
+            let what = format!(
+                "column `{}` is beyond the limits of its joint, {} to {}, in {:.0} % of the rows",
+                source.column,
+                text::figure(low),
+                text::figure(high),
+                100.0 * part
+            );
+            let (what, remedy) = if positions::is_mirrored(columns.model, sample, k) {
+                let flipped = Assignment {
+                    factor: -source.factor,
+                    offset: -source.offset,
+                    ..source
+                };
+                let what = format!("{what}, and within them with the other sign");
+                (what, Remedy::columns(vec![flipped]))
+            } else {
+                let advice = "Its sign, its zero or its unit is another one than the spec's, or the \
+                              limits are wrong";
+                let remedy = Remedy::Read {
+                    advice: vec![advice.to_owned()],
                     columns: Vec::new(),
-                },
-            ));
+                };
+                (what, remedy)
+            };
+            out.push(columns.suspicion(what, remedy));
         }
     }
     out
@@ -723,6 +752,26 @@ mod tests {
         assert_eq!(light(0.3), [0; 0]);
         // it may be by chance
         assert_eq!(light(-0.005), [0; 0]);
+    }
+
+    #[test]
+    fn the_effort_that_is_explained_better_is_named_where_another_has_the_largest_error() {
+        let effort = |name: &str, error: f64, changed: f64| EffortChange {
+            name: name.to_owned(),
+            error: Some(error),
+            changed,
+        };
+        let mut found = columns(&swings(false)).suspicion("it is late".to_owned(), Remedy::Bounded);
+        found.efforts = vec![effort("q1", 7.0, 8.8), effort("q2", 7.3, 1.2)];
+        (found.error, found.changed) = (Some(7.3), Some(8.8));
+        let says = ": so read, the error of `q2` is 1.2 % and not 7.3 %";
+        assert!(found.to_string().ends_with(says), "{found}");
+        (found.error, found.changed) = (Some(7.3), Some(5.0));
+        assert!(
+            found
+                .to_string()
+                .ends_with("the largest error of an effort is 5.0 % and not 7.3 %")
+        );
     }
 
     #[test]

@@ -97,6 +97,12 @@ impl Change {
         self.efforts == none.efforts && self.positions == none.positions
     }
 
+    /// Whether it leaves an effort unexplained that was explained better without it.
+    fn harms(&self) -> bool {
+        let mut pairs = self.before.iter().zip(&self.after);
+        pairs.any(|(before, after)| *after > UNEXPLAINED_ERROR.max(MAX_HARM * before))
+    }
+
     /// How many numbers it contains that the equations told.
     fn number_count(&self) -> i32 {
         let offsets = self.offsets.iter().filter(|own| **own != 0.0).count();
@@ -226,6 +232,8 @@ const MAX_POSITION_STATES: usize = 240;
 const MIN_EQUATIONS_PER_PARAMETER: usize = 3;
 /// Relative errors above this are not explained.
 const UNEXPLAINED_ERROR: f64 = 0.25;
+/// The factor by which a change may increase the error of an effort that it leaves unexplained.
+const MAX_HARM: f64 = 1.2;
 /// Relative errors above this cause hypotheses on positions to be tried.
 const DOUBTED_ERROR: f64 = 0.1;
 /// The factor by which a change must reduce the product of errors for each column that it changes:
@@ -244,6 +252,8 @@ const MIN_GAIN_OF_NUMBERS: f64 = 1.5;
 const MIN_GAIN_OF_REST: f64 = 1.2;
 /// The smallest offset that is reported, relative to the rms of its effort.
 const MIN_OFFSET_PART: f64 = 0.05;
+/// The largest offset, relative to the same: what is larger is no constant of an effort, but hides another mistake.
+const MAX_OFFSET_PART: f64 = 10.0;
 /// The largest relative error at which an effort counts as explained after a change.
 const MAX_EXPLAINED_ERROR: f64 = 0.5;
 
@@ -262,7 +272,54 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     estimate: Option<(&[f64], &[f64])>,
     step: &mut dyn FnMut(usize, usize),
 ) -> Findings {
+    // other mistakes hide a unit from the equations, but not from the limits
+    if let Some(units) = facts::units_by_limits(model, sample) {
+        let found = look_from(model, &sample.read_with(&units), own, None, step);
+        let errors = errors_of(model, sample);
+        let mut change = match &found.change {
+            Some(more) => units.then(more),
+            None => Change {
+                after: found.errors.clone(),
+                ..units
+            },
+        };
+        change.before.clone_from(&errors);
+        let is_better = errors.is_empty() || quality(&change.after) < quality(&errors);
+        if !change.after.is_empty() && is_better && !change.harms() {
+            return Findings {
+                change: Some(change),
+                errors,
+                ..found
+            };
+        }
+    }
+    look_from(model, sample, own, estimate, step)
+}
+
+/// The errors of the equations of a sample as it is; empty if the loops do not close.
+fn errors_of<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> Vec<f64> {
+    let every = sample
+        .states
+        .len()
+        .div_ceil(MAX_POSITION_STATES.max(least_states(model)));
+    let plain = Reading::plain(sample.measured.len());
+    let grams = Grams::of_hypothesis(model, sample, &plain, every.max(1));
+    let fit = grams
+        .filter(Grams::closes)
+        .and_then(|own| own.fit(&Reading::plain(model.info().actuated.len()), &[]));
+    fit.map(|own| own.errors).unwrap_or_default()
+}
+
+/// As [`look`], from the sample as it is.
+fn look_from<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    own: &[f64],
+    estimate: Option<(&[f64], &[f64])>,
+    step: &mut dyn FnMut(usize, usize),
+) -> Findings {
     let mut out = look_once(model, sample, own, estimate, step);
+    let first = out.clone();
     for _ in 1..MAX_LOOKS {
         let Some(change) = &out.change else { break };
         let next = look_once(model, &sample.read_with(change), own, None, step);
@@ -272,6 +329,13 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
         out.far = next.far;
         let Some(both) = both else { break };
         out.change = Some(both);
+    }
+    // mistakes hide one another, so that only the last of several changes tells
+    if out.change.as_ref().is_some_and(Change::harms) {
+        out = Findings {
+            change: None,
+            ..first
+        };
     }
     out
 }
@@ -324,11 +388,17 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
         best = Some(found);
     }
     if let (Some(grams), Some(now)) = (&grams, &fits) {
+        if best.is_none() && correlation > MAX_CORRELATION_OF_WHITE {
+            let found = efforts::in_noise(model, grams, own, now);
+            best = found.filter(|change| leaves_noise(model, sample, change, now));
+        }
         best = best.or_else(|| efforts::signs(model, grams, now));
         let is_normal =
             worst(&now.errors) < MIN_DOUBTED_ERROR && correlation < trial::MAX_CORRELATION_OF_NOISE;
         if !is_normal {
             best = with_numbers(best, || unknowns::search(model, sample, grams, now));
+        } else if best.is_none() {
+            best = unknowns::constants(model, sample, grams, now);
         }
         out.nominal = facts::nominal(model, grams, &read);
         out.driving = facts::driving(model, grams, now);
@@ -344,6 +414,31 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
     }
     out.change = best;
     out
+}
+
+/// Whether what a change of efforts leaves is noise, and is less than without it by more than chance.
+fn leaves_noise<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    change: &Change,
+    before: &Fit,
+) -> bool {
+    let mut change = change.clone();
+    change.positions = Reading::plain(sample.measured.len());
+    let read = sample.read_with(&change);
+    let every = read.states.len().div_ceil(STATES).max(1);
+    let grams = Grams::of(model, &read, &change.positions, every);
+    let Some((grams, fit)) = grams.and_then(|grams| {
+        let fit = grams.fit(&Reading::plain(change.efforts.len()), &[])?;
+        Some((grams, fit))
+    }) else {
+        return false;
+    };
+    let correlation = trial::correlation(&read, &grams, &fit);
+    let independent = grams.stored.len() as f64 * (1.0 - correlation) / (1.0 + correlation);
+    let gain = unknowns::log_errors(before) - unknowns::log_errors(&fit);
+    correlation < MAX_CORRELATION_OF_WHITE
+        && 2.0 * independent * gain > unknowns::MIN_DEVIATIONS * unknowns::MIN_DEVIATIONS
 }
 
 /// The change, or that of numbers instead if it explains more.

@@ -502,7 +502,11 @@ fn moves(sample: &Sample, k: usize) -> bool {
 }
 
 /// Whether a measured coordinate is within its limits only with the other sign.
-fn is_mirrored<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample, k: usize) -> bool {
+pub(super) fn is_mirrored<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    k: usize,
+) -> bool {
     let joints = model.info().joints;
     let joint = sample.measured.get(k).and_then(|c| joints.get(*c));
     let Some([low, high]) = joint.and_then(|joint| joint.limits.position) else {

@@ -475,3 +475,99 @@ fn the_sign_of_an_effort_is_told_by_its_friction_and_its_own_nominal_body() {
         assert_eq!(factors, expected, "{change:?}");
     }
 }
+
+#[test]
+fn a_change_that_leaves_an_effort_less_explained_than_before_is_no_remedy() {
+    let of = |before: &[f64], after: &[f64]| Change {
+        before: before.to_vec(),
+        after: after.to_vec(),
+        ..Change::none(2, 2)
+    };
+    assert!(of(&[0.54, 1.25], &[1.0, 0.4]).harms());
+    assert!(!of(&[0.54, 1.25], &[0.5, 0.4]).harms());
+    // what is explained well may be explained a little less
+    assert!(!of(&[0.01, 1.25], &[0.1, 0.05]).harms());
+    // the loops did not close
+    assert!(!of(&[], &[0.1, 0.9]).harms());
+}
+
+#[test]
+fn constants_of_efforts_are_told_where_errors_are_small() {
+    let model = swings(false);
+    let plain = Reading::plain(3);
+    let told = |constants: [f64; 3]| {
+        let sample = with(|s| {
+            for (own, constant) in s.efforts.iter_mut().zip(constants) {
+                *own += constant;
+            }
+        });
+        let grams = Grams::of(&model, &sample, &plain, 1).unwrap();
+        let now = grams.fit(&plain, &[]).unwrap();
+        unknowns::constants(&model, &sample, &grams, &now).map(|own| own.offsets)
+    };
+    assert_eq!(told([0.0; 3]), None);
+    // less than a twentieth of the effort does not matter
+    assert_eq!(told([0.0, 0.05, 0.0]), None);
+    for constants in [[0.0, 0.4, 0.0], [-0.5, 0.0, 0.6]] {
+        let found = told(constants).unwrap();
+        for (own, expected) in found.iter().zip(constants) {
+            assert!((own - expected).abs() < 0.01, "{found:?}");
+        }
+    }
+}
+
+#[test]
+fn limits_tell_the_unit_of_positions_whatever_the_efforts_are() {
+    let mut model = swings(false);
+    for joint in model.joints.iter_mut().take(2) {
+        joint.limits.position = Some([-2.5, 2.5]);
+    }
+    let degree = 180.0 / core::f64::consts::PI;
+    let factors = |sample: &Sample| {
+        let found = facts::units_by_limits(&model, sample)?;
+        Some(
+            found
+                .positions
+                .iter()
+                .map(|own| own.factor)
+                .collect::<Vec<_>>(),
+        )
+    };
+    assert_eq!(factors(&sample()), None);
+    let one = with(|s| scale(s, 1, degree));
+    assert_eq!(factors(&one), Some(vec![1.0, 1.0 / degree, 1.0]));
+    // a zero that is far off moves it out of its range, too, but not over more than that
+    assert_eq!(factors(&with(|s| s.motion[0][1] += 50.0)), None);
+    // the order of the efforts hides both units from the equations
+    let all = with(|s| {
+        (0..2).for_each(|k| scale(s, k, degree));
+        s.efforts.rotate_left(1);
+    });
+    assert_undone("units and an order", &model, &all, [1.0; 3], 1e-9);
+}
+
+#[test]
+fn a_unit_that_noise_hides_a_part_of_is_told_where_only_noise_is_left() {
+    let (model, plain) = (swings(false), Reading::plain(3));
+    let rough = |factor: f64| {
+        let mut out = sample_of(400, 0.6);
+        out.states.iter_mut().for_each(|s| s.efforts[1] *= factor);
+        out
+    };
+    let of = |sample: &Sample| {
+        let grams = Grams::of(&model, sample, &plain, 1).unwrap();
+        let now = grams.fit(&plain, &[]).unwrap();
+        (efforts::in_noise(&model, &grams, &[1.0; 3], &now), now)
+    };
+    assert_eq!(of(&rough(1.0)).0, None);
+    let mistaken = rough(1.0 / 9.806_65);
+    let (change, now) = of(&mistaken);
+    let change = change.unwrap();
+    let factors: Vec<f64> = change.efforts.iter().map(|own| own.factor).collect();
+    assert_eq!(factors, [1.0, 9.806_65, 1.0]);
+    assert!(leaves_noise(&model, &mistaken, &change, &now));
+    // what is left with another unit is no noise
+    let mut wrong = change.clone();
+    wrong.efforts[1].factor = 1e3;
+    assert!(!leaves_noise(&model, &mistaken, &wrong, &now));
+}

@@ -7,14 +7,15 @@ use super::trial::{MAX_CORRELATION_OF_NOISE, correlation};
 use core::cell::Cell;
 
 use super::{
-    Change, DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample,
-    implausible_count, least_states,
+    Change, DOUBTED_ERROR, MAX_CORRELATION_OF_WHITE, MAX_OFFSET_PART, MIN_GAIN_PER_COLUMN,
+    MIN_OFFSET_PART, Measured, Reading, Sample, implausible_count, least_states,
 };
 use regen_runtime::{BaseModel, Motion};
 
 /// The number of states at which numbers are compared, unless the parameters need more.
 const STATES: usize = 100;
-/// How many states are computed before that ends, and for many parameters how many passes over the fewest.
+/// How many states are computed before that ends, for many parameters how many passes over the fewest, and for long
+/// logs as many as in two passes over them.
 const MAX_WORK: usize = 3000;
 const MIN_PASSES: usize = 30;
 /// The step by which the effect of a number is differentiated, rad, m or s.
@@ -34,7 +35,7 @@ const NEARLY: f64 = 0.2;
 const SETTLED_TO_THE_END: usize = 2;
 const MOST: usize = 3;
 /// The deviations by which chance would have to explain the errors as well as an unknown does.
-const MIN_DEVIATIONS: f64 = 6.0;
+pub(super) const MIN_DEVIATIONS: f64 = 6.0;
 /// The same of a constant in an effort, alone, at few states.
 const MIN_DEVIATIONS_OF_CONSTANT: f64 = 3.0;
 /// The deviations of a number up to which it may be a round one.
@@ -54,6 +55,8 @@ const RATES: core::ops::Range<f64> = 1.05..10.0;
 const ROUND: [f64; 10] = [1.0, 1.2, 1.25, 2.0, 2.5, 3.0, 10.0 / 3.0, 4.0, 5.0, 8.0];
 const MAX_OFF_ROUND: f64 = 0.1;
 const MAX_OFF_SURELY: f64 = 0.02;
+/// The same of a rate that a clock gives.
+const MAX_OFF_CLOCK: f64 = 0.01;
 /// The distance from a quarter of a turn from which on that is tried, rad.
 const MAX_OFF_QUARTER: f64 = 0.05;
 
@@ -105,7 +108,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         model,
         sample,
         every: sample.states.len().div_ceil(STATES.max(least)).max(1),
-        left: Cell::new(MAX_WORK.max(MIN_PASSES * least)),
+        left: Cell::new(MAX_WORK.max(MIN_PASSES * least).max(2 * sample.whole)),
     };
     let mut found = few.of(Vec::new())?;
     for _ in 0..MOST {
@@ -136,7 +139,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let found = all.stepped(&found).unwrap_or(found);
     let found = all.rounded(found)?;
     let of_motion = |own: &(Unknown, f64)| !matches!(own.0, Unknown::Effort(_));
-    let is_explained = !found.values.iter().any(of_motion) || found.explains(now);
+    let is_explained = !found.values.iter().any(of_motion) || found.explains(now, sample);
     let count = found.values.len() as f64;
     let is_certain = found.likelihood_gain(now) > count * MIN_DEVIATIONS * MIN_DEVIATIONS;
     let gain = gain_over(now, &found.fit);
@@ -144,6 +147,59 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         implausible_count(model, &found.grams, &found.fit) <= implausible_count(model, grams, now);
     (is_certain && plausible && is_explained && gain >= libm::pow(MIN_GAIN, count))
         .then(|| found.change(model, sample, now))
+}
+
+/// Finds the constants in efforts that explain the errors of a log in which these are small, if that is no chance:
+/// parameters of weights take most of a constant up, and are off by many of their deviations.
+pub(super) fn constants<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    grams: &Grams,
+    now: &Fit,
+) -> Option<Change> {
+    let efforts = model.info().actuated.len();
+    let plain = Reading::plain(efforts);
+    let mut offsets: Vec<usize> = Vec::new();
+    let mut least = log_errors(now);
+    for _ in 0..MOST.min(efforts) {
+        let more = (0..efforts).filter(|k| !offsets.contains(k));
+        let more = more.filter_map(|k| {
+            let tried = [offsets.as_slice(), &[k]].concat();
+            Some((log_errors(&grams.fit(&plain, &tried)?), tried))
+        });
+        let Some((errors, tried)) = more.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            break;
+        };
+        if errors + libm::log(MIN_GAIN) > least {
+            break;
+        }
+        (least, offsets) = (errors, tried);
+    }
+    if offsets.is_empty() {
+        return None;
+    }
+    let fit = grams.fit(&plain, &offsets)?;
+    let values = fit.values.get(grams.columns()..)?;
+    let all = Search {
+        model,
+        sample,
+        every: sample
+            .states
+            .len()
+            .div_ceil(grams.stored.len().max(1))
+            .max(1),
+        left: Cell::new(usize::MAX),
+    };
+    let values = offsets.iter().map(|k| Unknown::Effort(*k)).zip(values);
+    let values: Vec<(Unknown, f64)> = values.map(|(of, value)| (of, *value)).collect();
+    if !values.iter().all(|own| all.is_large(own)) {
+        return None;
+    }
+    let found = all.of(values)?;
+    let needed = offsets.len() as f64 * MIN_DEVIATIONS * MIN_DEVIATIONS;
+    let plausible =
+        implausible_count(model, &found.grams, &found.fit) <= implausible_count(model, grams, now);
+    (found.likelihood_gain(now) > needed && plausible).then(|| found.change(model, sample, now))
 }
 
 /// The sum of the logarithms of the errors.
@@ -271,11 +327,23 @@ impl Tried {
     }
 
     /// Whether each effort that is explained better than before is explained: a motion that is read in another
-    /// way can explain a little of what has another cause.
-    fn explains(&self, before: &Fit) -> bool {
+    /// way can explain a little of what has another cause, unless it leaves noise, or makes a rate round that is not.
+    fn explains(&self, before: &Fit, sample: &Sample) -> bool {
         let gain = gain_over(before, &self.fit);
         let mut pairs = self.fit.errors.iter().zip(&before.errors);
-        gain >= MIN_GAIN_OF_MOTION
+        let makes_round = match self.values[..] {
+            [(Unknown::Rate, by)] => {
+                !is_round(1.0 / sample.step) && is_round(1.0 / (sample.step * libm::exp(by)))
+            }
+            _ => false,
+        };
+        // what leaves noise is the cause
+        let needed = if makes_round || self.correlation() < MAX_CORRELATION_OF_WHITE {
+            MIN_GAIN
+        } else {
+            MIN_GAIN_OF_MOTION
+        };
+        gain >= needed
             && pairs.all(|(after, before)| {
                 *after < DOUBTED_ERROR
                     || *before < MIN_GAIN * after
@@ -509,9 +577,11 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
 
     /// Whether the last number is large enough to be told, and of a possible size.
     fn matters(&self, tried: &Tried) -> bool {
-        let Some((unknown, value)) = tried.values.last() else {
-            return false;
-        };
+        tried.values.last().is_some_and(|own| self.is_large(own))
+    }
+
+    /// Whether a number is large enough to be told, and of a possible size.
+    fn is_large(&self, (unknown, value): &(Unknown, f64)) -> bool {
         let states = &self.sample.states;
         match unknown {
             Unknown::Effort(k) => {
@@ -520,7 +590,7 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
                     .filter_map(|s| s.efforts.get(*k))
                     .map(|u| u * u);
                 let rms = (squares.sum::<f64>() / states.len() as f64).sqrt();
-                value.abs() > MIN_OFFSET_PART * rms
+                (MIN_OFFSET_PART * rms..MAX_OFFSET_PART * rms).contains(&value.abs())
             }
             Unknown::Late(_) => *value > self.sample.step && *value < MAX_LATE,
             Unknown::Rate => RATES.contains(&libm::exp(value.abs())),
@@ -536,15 +606,13 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
             match unknown {
                 Unknown::Rate => {
                     let rate = 1.0 / (self.sample.step * libm::exp(*value));
-                    let ten = libm::pow(10.0, libm::log10(rate).floor());
-                    let near = ROUND.iter().chain(&[10.0]).map(|round| round * ten);
-                    let off = |a: &f64| libm::log(a / rate).abs();
-                    let near = near.min_by(|a, b| off(a).total_cmp(&off(b)))?;
-                    if off(&near) > MAX_OFF_ROUND {
+                    let near = nearest_round(rate);
+                    let off = libm::log(near / rate).abs();
+                    if off > MAX_OFF_ROUND {
                         return None;
                     }
                     *value = -libm::log(near * self.sample.step);
-                    is_doubted_rate |= off(&near) > MAX_OFF_SURELY;
+                    is_doubted_rate |= off > MAX_OFF_SURELY;
                 }
                 Unknown::Position(k) => {
                     let joints = self.model.info().joints;
@@ -571,6 +639,22 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
             (!is_doubted_rate).then_some(from)
         }
     }
+}
+
+/// The round rate that is nearest to one.
+fn nearest_round(rate: f64) -> f64 {
+    let ten = libm::pow(10.0, libm::log10(rate).floor());
+    let near = ROUND.iter().chain(&[10.0]).map(|round| round * ten);
+    let off = |a: f64| libm::log(a / rate).abs();
+    near.fold(
+        ten,
+        |best, own| if off(own) < off(best) { own } else { best },
+    )
+}
+
+/// Whether a rate is round as rates of rows are, but for an error of a clock.
+fn is_round(rate: f64) -> bool {
+    libm::log(nearest_round(rate) / rate).abs() < MAX_OFF_CLOCK
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
