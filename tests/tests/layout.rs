@@ -100,6 +100,46 @@ fn every_folder_of_fixtures_and_tools_is_in_the_table() {
 }
 
 #[test]
+fn every_fault_that_is_recorded_names_tests_that_there_are() {
+    let page = std::fs::read_to_string(files::package().join("records/faults.md")).unwrap();
+    let root = files::package().join("..");
+    let mut faults = Vec::new();
+    for row in page.lines().filter(|line| line.starts_with("| `")) {
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        let [fault, kind, tests] = cells[..] else {
+            panic!("{row}");
+        };
+        assert!(!kind.is_empty(), "{row}");
+        faults.push(fault.trim_matches('`'));
+        for test in tests.split(", ") {
+            let name = test.trim_matches('`').split_once("::");
+            let (file, name) = name.unwrap_or_else(|| panic!("{fault}: {test}"));
+            let text = std::fs::read_to_string(root.join(file)).unwrap_or_default();
+            let at = text
+                .find(&format!("\nfn {name}()"))
+                .or_else(|| text.find(&format!("    fn {name}()")));
+            let before = at.map_or("", |at| text[..at].trim_end());
+            // only attributes stand between a test and its function
+            let attributes = before
+                .lines()
+                .rev()
+                .take_while(|line| line.trim().starts_with("#["));
+            let attributes: Vec<&str> = attributes.map(str::trim).collect();
+            assert!(
+                attributes.contains(&"#[test]")
+                    && !attributes.iter().any(|own| own.starts_with("#[ignore")),
+                "{fault}: {file} has no test {name} that always runs"
+            );
+        }
+    }
+    assert!(faults.len() >= 59, "{}", faults.len());
+    assert!(
+        faults.is_sorted() && faults.windows(2).all(|pair| pair[0] != pair[1]),
+        "{faults:?}"
+    );
+}
+
+#[test]
 fn every_file_of_a_test_program_is_a_module_of_it() {
     let root = files::package().join("..");
     let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
