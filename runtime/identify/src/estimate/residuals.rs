@@ -45,6 +45,12 @@ const MAX_EXPLAINED_RMS_PERCENT: f64 = 50.0;
 /// filtered noise.
 const MIN_SLOW_AUTOCORRELATION: f64 = 0.7;
 const SLOW_LAGS: usize = 5;
+/// The first lag at which filtered noise has forgotten itself.
+const FIRST_LATE_LAG: usize = 10;
+/// Residuals whose autocorrelations from there on have a larger root mean square are those of a motion, and so many
+/// deviations of chance.
+const MIN_LATE_AUTOCORRELATION: f64 = 0.25;
+const MIN_LATE_DEVIATIONS: f64 = 2.5;
 
 impl EffortError {
     /// Whether the residuals are correlated in time; `None` where too few of them are known.
@@ -92,12 +98,21 @@ impl EffortError {
         }
     }
 
-    /// Whether most of the change of the effort is left, and so slowly that it is no noise: a constant, such
-    /// as a weight, makes the residuals small beside the effort, and explains nothing of its change.
+    /// Whether most of the change of the effort is left, and so slowly, or swinging so long, that it is no noise: a
+    /// constant, such as a weight, makes the residuals small beside the effort, and explains nothing of its change.
     pub fn misses_change(&self) -> bool {
         let first = self.autocorrelation.iter().take(SLOW_LAGS);
         let mean = first.sum::<f64>() / SLOW_LAGS as f64;
-        self.relative_absolute > MAX_EXPLAINED_RMS_PERCENT && mean > MIN_SLOW_AUTOCORRELATION
+        let late = self.autocorrelation.get(FIRST_LATE_LAG - 1..);
+        let late = late
+            .filter(|late| late.len() > SLOW_LAGS)
+            .unwrap_or_default();
+        let squares = late.iter().map(|x| x * x).sum::<f64>();
+        let rms = (squares / late.len().max(1) as f64).sqrt();
+        let chance = (SLOW_LAGS as f64 / self.samples.max(1) as f64).sqrt();
+        let swings = rms > MIN_LATE_AUTOCORRELATION.max(MIN_LATE_DEVIATIONS * chance);
+        self.relative_absolute > MAX_EXPLAINED_RMS_PERCENT
+            && (mean > MIN_SLOW_AUTOCORRELATION || swings)
     }
 }
 
@@ -434,5 +449,36 @@ impl Autocorrelated {
             }
         }
         Ok(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::EffortError;
+
+    #[test]
+    fn residuals_that_swing_on_are_told_from_filtered_noise() {
+        let of = |samples: usize, autocorrelation: &dyn Fn(f64) -> f64| EffortError {
+            name: "q1".to_owned(),
+            samples,
+            relative_absolute: 110.0,
+            rms: 1.0,
+            relative_rms: 15.0,
+            largest: 3.0,
+            autocorrelation: (1..=20).map(|k| autocorrelation(f64::from(k))).collect(),
+            whiteness_p_value: 0.0,
+        };
+        let swings = |lag: f64| (0.3 * lag).cos() * (-0.03 * lag).exp();
+        let noise = |lag: f64| (0.3 * lag).cos() * (-0.3 * lag).exp();
+        assert!(of(250, &swings).misses_change());
+        assert!(!of(250, &noise).misses_change());
+        // of few samples chance swings as far
+        assert!(!of(60, &swings).misses_change());
+        assert!(of(60, &|_| 0.9).misses_change());
+        let explained = EffortError {
+            relative_absolute: 40.0,
+            ..of(250, &swings)
+        };
+        assert!(!explained.misses_change());
     }
 }

@@ -97,10 +97,13 @@ impl Change {
         self.efforts == none.efforts && self.positions == none.positions
     }
 
-    /// Whether it leaves an effort unexplained that was explained better without it.
+    /// Whether it leaves an effort unexplained that was explained better without it, or the worst of them about as
+    /// unexplained as before.
     fn harms(&self) -> bool {
         let mut pairs = self.before.iter().zip(&self.after);
-        pairs.any(|(before, after)| *after > UNEXPLAINED_ERROR.max(MAX_HARM * before))
+        let (left, was) = (worst(&self.after), worst(&self.before));
+        let is_useless = left > MAX_EXPLAINED_ERROR && was > 0.0 && left > MAX_LEFT_OF_WORST * was;
+        is_useless || pairs.any(|(before, after)| *after > UNEXPLAINED_ERROR.max(MAX_HARM * before))
     }
 
     /// How many numbers it contains that the equations told.
@@ -234,6 +237,8 @@ const MIN_EQUATIONS_PER_PARAMETER: usize = 3;
 const UNEXPLAINED_ERROR: f64 = 0.25;
 /// The factor by which a change may increase the error of an effort that it leaves unexplained.
 const MAX_HARM: f64 = 1.2;
+/// The part of the largest error that a change may leave if that effort stays unexplained.
+const MAX_LEFT_OF_WORST: f64 = 0.85;
 /// Relative errors above this cause hypotheses on positions to be tried.
 const DOUBTED_ERROR: f64 = 0.1;
 /// The factor by which a change must reduce the product of errors for each column that it changes:

@@ -4,8 +4,9 @@
 use super::grams::{Fit, Grams, MAX_STEPS};
 use super::unknowns::log_errors;
 use super::{
-    Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_DOUBTED_ERROR, MIN_GAIN_PER_COLUMN,
-    Reading, Sample, UNEXPLAINED_ERROR, implausible_count, least_states, quality, worst,
+    Change, MAX_EXPLAINED_ERROR, MAX_LEFT_OF_WORST, MAX_POSITION_STATES, MIN_DOUBTED_ERROR,
+    MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, least_states,
+    quality, worst,
 };
 use crate::states::{Completed, Completion};
 use regen_runtime::{BaseModel, Motion};
@@ -15,8 +16,6 @@ const EQUIVALENT_RATIO: f64 = 1.05;
 /// A change of positions is preferred to one of efforts only if its product of errors is smaller
 /// by this factor.
 const MIN_GAIN_OVER_EFFORTS: f64 = 1.5;
-/// The part of the largest error that a change of positions may leave.
-const MAX_LEFT_OF_WORST: f64 = 0.85;
 /// The largest number of positions of which all orders are tried at once; orders of more are found by exchanges.
 const MAX_ORDERED: usize = 4;
 /// The largest number of changes made one after the other.
