@@ -115,9 +115,7 @@ fn every_fault_that_is_recorded_names_tests_that_there_are() {
             let name = test.trim_matches('`').split_once("::");
             let (file, name) = name.unwrap_or_else(|| panic!("{fault}: {test}"));
             let text = std::fs::read_to_string(root.join(file)).unwrap_or_default();
-            let at = text
-                .find(&format!("\nfn {name}()"))
-                .or_else(|| text.find(&format!("    fn {name}()")));
+            let at = text.find(&format!("fn {name}("));
             let before = at.map_or("", |at| text[..at].trim_end());
             // only attributes stand between a test and its function
             let attributes = before
