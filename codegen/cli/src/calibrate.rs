@@ -19,7 +19,6 @@ use regen_identify::text::figure_of;
 use regen_interpreted::{ChosenGeometry, Described};
 use regen_report::results::{Calibrated, calibrated_text};
 use regen_runtime::Info;
-use serde::Serialize;
 
 use crate::args::{CalibrateArgs, Format};
 use crate::exit::Failure;
@@ -31,7 +30,8 @@ const OTHER_FILE: &str = "an experiment file with the key `calibrate`; `regen sc
 
 /// Runs the command.
 pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
-    if !(args.confidence > 0.0 && args.confidence < 1.0) {
+    let confidence = args.confidence.unwrap_or(0.95);
+    if !(confidence > 0.0 && confidence < 1.0) {
         return Err(Failure::Usage(
             "--confidence is a number between 0 and 1, such as 0.95".to_owned(),
         ));
@@ -79,18 +79,24 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         return simulate(args, out, (&problem, plan, &file.settings), &robot.name);
     }
     let result = if logs.is_some() {
-        let fit = problem.calibrate(args.confidence).map_err(failed)?;
-        let mut found = Calibrated::of_fit(&robot.name, &problem, &fit, args.confidence);
+        let fit = problem.calibrate(confidence).map_err(failed)?;
+        let mut found = Calibrated::of_fit(&robot.name, &problem, &fit, confidence);
         found.doubts = problem.doubts().iter().map(ToString::to_string).collect();
         found
     } else {
-        if args.geometry.is_some() {
-            return Err(Failure::Usage(
-                "--geometry writes what was found, and FILE has no runs".to_owned(),
-            ));
+        let unused = [
+            ("geometry", args.geometry.is_some()),
+            ("confidence", args.confidence.is_some()),
+            ("logs", args.folder.is_some()),
+        ];
+        if let Some((option, _)) = unused.iter().find(|(_, given)| *given) {
+            return Err(Failure::Usage(format!(
+                "--{option} concerns what is found, and {} has no runs",
+                args.file.display()
+            )));
         }
         let known = problem.known().map_err(failed)?;
-        Calibrated::of_known(&robot.name, &problem, &known, args.confidence)
+        Calibrated::of_known(&robot.name, &problem, &known, confidence)
     };
     if let Some(out) = &args.geometry {
         write_geometry(out, &spec, &mechanism, &geometry, &result)?;
@@ -99,16 +105,6 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         Format::Human => calibrated_text(&result),
         Format::Json => table::json(&result),
     })
-}
-
-/// The true values of a simulated mechanism.
-#[derive(Serialize)]
-struct Simulated<'a> {
-    version: usize,
-    robot: &'a str,
-    poses: usize,
-    /// The names of the unknowns with their true values.
-    truth: Vec<(&'a str, f64)>,
 }
 
 /// Writes simulated poses in the columns of the file.
@@ -182,25 +178,34 @@ fn simulate(
     }
     write::atomically(out, &text)?;
     terminal::note(&format!("{}: written", out.display()));
-    let unknowns = problem.geometry.unknowns().iter();
-    let truth = unknowns
-        .zip(&truth)
-        .map(|(unknown, value)| (unknown.name.as_str(), *value));
-    let truth = Simulated {
-        version: Calibrated::VERSION,
-        robot,
-        poses: poses.len(),
-        truth: truth.collect(),
-    };
+    let known = problem
+        .known()
+        .map_err(|error| Failure::Numeric(error.to_string()))?;
+    let mut found = Calibrated::of_known(robot, problem, &known, 0.95);
+    found.poses = poses.len();
+    let unknowns = problem.geometry.unknowns();
+    for estimate in &mut found.estimates {
+        let at = unknowns.iter().position(|own| own.name == estimate.name);
+        estimate.value = at.and_then(|at| truth.get(at).copied());
+    }
     terminal::print(&match args.format {
         Format::Human => {
-            let rows = truth.truth.iter();
-            let rows: Vec<Vec<String>> = rows
-                .map(|(name, value)| vec![(*name).to_owned(), figure_of(6, *value)])
-                .collect();
-            columns(&["unknown", "true"], &rows)
+            let rows = found.estimates.iter().map(|own| {
+                let value = own.value.unwrap_or(f64::NAN);
+                let change = figure_of(3, value - own.nominal);
+                vec![
+                    own.name.clone(),
+                    figure_of(6, value),
+                    change,
+                    own.unit.to_owned(),
+                ]
+            });
+            columns(
+                &["unknown", "true", "change", "unit"],
+                &rows.collect::<Vec<_>>(),
+            )
         }
-        Format::Json => table::json(&truth),
+        Format::Json => table::json(&found),
     })
 }
 
@@ -330,19 +335,14 @@ fn geometry<'d>(
     described.with(wanted).map_err(|name| {
         let known = described.names();
         let near = nearest(name, known.iter().copied());
-        let hint = match near {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => {
-                let owners = known.iter().filter_map(|own| Some(own.rsplit_once('.')?.0));
-                let mut names: Vec<&str> = known
-                    .iter()
-                    .copied()
-                    .filter(|own| !own.contains('.'))
-                    .collect();
-                names.extend(owners);
-                names.dedup();
-                format!("these can be unknown: {}", names.join(", "))
-            }
+        let hint = if let Some(near) = near {
+            format!("did you mean '{near}'?")
+        } else {
+            let plain = known.iter().copied().filter(|own| !own.contains('.'));
+            let owners = known.iter().filter_map(|own| Some(own.rsplit_once('.')?.0));
+            let mut names: Vec<&str> = plain.chain(owners).collect();
+            names.dedup();
+            format!("these can be unknown: {}", names.join(", "))
         };
         Failure::Input(format!("'{name}' is nothing of the geometry; {hint}"))
     })
@@ -428,16 +428,18 @@ fn read(
     Ok(out)
 }
 
+/// A sensor's plan, and the places of its columns and of its rotation's.
+type Places<'p> = (
+    &'p MeasuredFrame,
+    Vec<usize>,
+    Option<(Convention, Vec<usize>)>,
+);
+
 /// Where a log has what is measured.
 struct Layout<'p> {
     /// Each measured coordinate, its place among the numbers of a row, factor and offset.
     coordinates: Vec<(usize, Option<usize>, f64, f64)>,
-    /// For each sensor, its plan and the places of its columns and of its rotation's.
-    sensors: Vec<(
-        &'p MeasuredFrame,
-        Vec<usize>,
-        Option<(Convention, Vec<usize>)>,
-    )>,
+    sensors: Vec<Places<'p>>,
 }
 
 impl<'p> Layout<'p> {

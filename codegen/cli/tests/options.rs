@@ -97,6 +97,11 @@ const EVERYWHERE: &[(&str, &[&str], &str)] = &[
     ),
     ("inspect", &["spec"], "it is what predictions are made for"),
     (
+        "calibrate",
+        &["unknown", "simulate"],
+        "they choose what is sought, and whether it is simulated",
+    ),
+    (
         "identify",
         &["estimator", "feasible"],
         "they choose what is estimated, or are refused as contradictions",
@@ -433,6 +438,17 @@ const REFUSED: &[(&str, &[&str])] = &[
         &["rest-speed 0.1"],
     ),
     (
+        "calibrate fivebar.yaml known.yaml {}",
+        &[
+            "confidence 0.9",
+            "logs .",
+            "geometry new.yaml",
+            "poses 30",
+            "perturb 0.01",
+            "seed 2",
+        ],
+    ),
+    (
         "simulate fivebar.yaml --out x.csv {}",
         &["payload none", "seed 3", "pid q2=1,1,1"],
     ),
@@ -577,6 +593,8 @@ fn prepared() -> PathBuf {
     let viscous = SWING.replace("linear", "viscous").replace(", Fc: 0.2", "");
     fs::write(dir.join("viscous.yaml"), viscous).unwrap();
     fs::write(dir.join("table.csv"), "alpha,a,theta,d\n0,0,0,0.1\n").unwrap();
+    let known = "calibrate: {measure: [{point: 2, position: [x, y, z]}]}\n";
+    fs::write(dir.join("known.yaml"), known).unwrap();
     fs::write(dir.join("gains.yaml"), "q1: {kp: 40, kd: 2}\n").unwrap();
     let series = r#"{"format": "regen-trajectory", "robot": "NAME", "coordinates": [COORDINATES],
         "base_frequency": 0.2, "harmonics": 1, "cosine": [ROWS], "sine": [ROWS], "offset": [OFFSETS]}"#;

@@ -1,6 +1,7 @@
 //! Calibration of described mechanisms: derivatives against differences, closures against the derived
 //! programs, counts of what can be known, and estimates against the truth.
 
+#![allow(clippy::unwrap_used)]
 use regen_calibrate::{Geometry, Kind, Kinematics, Mounting, Problem, Sensor, Simulation};
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::Mechanism;
@@ -10,7 +11,7 @@ use regen_runtime::Model;
 
 fn source(name: &str) -> Source {
     let path = format!("{}/../../robots/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
-    Source::new(name, &std::fs::read_to_string(&path).unwrap())
+    Source::new(name, std::fs::read_to_string(&path).unwrap())
 }
 
 /// A robot's geometry and its actuated coordinates.

@@ -170,19 +170,15 @@ impl Kinematics {
         let (mut done, mut part) = (0.0_f64, 1.0_f64);
         while done < 1.0 {
             let next = (done + part).min(1.0);
-            match self.advance(scalars, split, &q, |k| {
-                from[k] + next * (target[k] - from[k])
-            }) {
-                Some(reached) => {
-                    q = reached;
-                    done = next;
-                    part *= 2.0;
-                }
-                None => {
-                    part *= 0.5;
-                    if part < 1.0 / MOST_PARTS as f64 {
-                        return None;
-                    }
+            let along = |k: usize| from[k] + next * (target[k] - from[k]);
+            if let Some(reached) = self.advance(scalars, split, &q, along) {
+                q = reached;
+                done = next;
+                part *= 2.0;
+            } else {
+                part *= 0.5;
+                if part < 1.0 / MOST_PARTS as f64 {
+                    return None;
                 }
             }
         }

@@ -19,8 +19,8 @@ const LEAST_DAMPING: f64 = 1e-14;
 const ROUNDS: usize = 20;
 /// A pose is left out beyond this many times its expected deviation.
 const OUTLYING: f64 = 5.0;
-/// The largest part of the poses that is left out.
-const MOST_LEFT_OUT: f64 = 0.3;
+/// Of this many poses at most one is left out.
+const LEFT_OUT_OF: usize = 3;
 /// The correlation from which two estimates are named.
 const CORRELATED: f64 = 0.95;
 
@@ -350,23 +350,23 @@ impl Search<'_> {
                 if self.problem.stated(*group).is_some() {
                     continue;
                 }
-                let factor = if robust {
-                    robust_factor(&weighted, *group)
-                } else {
-                    let (mut sum, mut freedoms) = (0.0, 0.0);
-                    for (block, hat) in weighted.iter().zip(&hats) {
-                        for (k, own) in block.groups.iter().enumerate() {
-                            if own == group {
-                                sum += block.residual[k] * block.residual[k];
-                                freedoms += 1.0 - hat[(k, k)];
-                            }
+                let (mut sum, mut freedoms, mut rows) = (0.0, 0.0, 0.0);
+                for (block, hat) in weighted.iter().zip(&hats) {
+                    for (k, own) in block.groups.iter().enumerate() {
+                        if own == group {
+                            sum += block.residual[k] * block.residual[k];
+                            freedoms += 1.0 - hat[(k, k)];
+                            rows += 1.0;
                         }
                     }
-                    if freedoms < 0.5 {
-                        1.0
-                    } else {
-                        libm::sqrt(sum / freedoms)
-                    }
+                }
+                let factor = if freedoms < 0.5 {
+                    1.0
+                } else if robust {
+                    // a fit takes the same part of the median as of the rms
+                    robust_factor(&weighted, *group) * libm::sqrt(rows / freedoms)
+                } else {
+                    libm::sqrt(sum / freedoms)
                 };
                 // residuals that are rounding errors have no smaller deviation
                 let next = (*sigma * factor).max(1e-12);
@@ -583,7 +583,7 @@ impl Problem<'_> {
             .filter(|(score, _)| *score > OUTLYING)
             .collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let most = (MOST_LEFT_OUT * used.len() as f64) as usize;
+        let most = used.len() / LEFT_OUT_OF;
         outliers.extend(scored.iter().take(most).map(|(_, k)| *k));
         used.retain(|k| !outliers.contains(k));
         let poses: Vec<Pose> = used.iter().map(|k| reached.poses[*k].clone()).collect();
@@ -698,7 +698,7 @@ fn group_fits(
     let mut out = Vec::new();
     for (group, sigma) in sigmas {
         let mut sums = [0.0; 3];
-        let mut count = 0;
+        let mut count: u32 = 0;
         for (k, block) in after.iter().enumerate() {
             // without the pose its weighted residuals would be (1 - H)^-1 as large; the noise's factor
             // is that of the rows themselves

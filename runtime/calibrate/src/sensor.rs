@@ -302,7 +302,7 @@ impl Convention {
         let matrix = match (self, values) {
             (Self::QuaternionWxyz, &[w, x, y, z]) | (Self::QuaternionXyzw, &[x, y, z, w]) => {
                 let norm = libm::sqrt(w * w + x * x + y * y + z * z);
-                if !((norm - 1.0).abs() < 0.05) {
+                if norm.is_nan() || (norm - 1.0).abs() >= 0.05 {
                     return None;
                 }
                 let quaternion = nalgebra::Quaternion::new(w, x, y, z);

@@ -102,9 +102,9 @@ impl Problem<'_> {
                 } else {
                     length
                 };
-                positions
-                    .iter_mut()
-                    .for_each(|x| *x += noise * draws.normal());
+                for x in positions {
+                    *x += noise * draws.normal();
+                }
                 Some(values)
             });
             let values = sensors.collect();

@@ -263,7 +263,9 @@ impl Problem<'_> {
         let plain = self.total();
         let with = |change: &dyn Fn(&mut Vec<f64>)| {
             let mut poses = self.poses.to_vec();
-            poses.iter_mut().for_each(|pose| change(&mut pose.readings));
+            for pose in &mut poses {
+                change(&mut pose.readings);
+            }
             Problem {
                 poses: &poses,
                 ..*self

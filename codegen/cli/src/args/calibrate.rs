@@ -22,9 +22,9 @@ Denavit-Hartenberg row states it, x, y, z, rx, ry and rz at its end elsewhere.
 told apart are found as one: the table says which of them stand for others, and
 why others stay at their nominal values. Where instruments stand is found too.
 
-Without runs in FILE, only what such measurements can tell is printed. --simulate
-writes poses to try it with; sensors whose noise FILE does not state have 0.05 mm
-and 0.1 mrad.
+Without runs in FILE, only what such measurements can tell is printed.
+--simulate writes poses to try it with; sensors whose noise FILE does not state
+have 0.05 mm and 0.1 mrad.
 
 Examples:
   regen calibrate arm.yaml poses.yaml
@@ -43,9 +43,9 @@ pub(crate) struct CalibrateArgs {
     /// The folder of the logs in FILE [default: that of FILE]
     #[arg(long = "logs", value_name = "FOLDER")]
     pub(crate) folder: Option<PathBuf>,
-    /// The level of the confidence intervals
-    #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
-    pub(crate) confidence: f64,
+    /// The level of the confidence intervals [default: 0.95]
+    #[arg(long, value_name = "LEVEL", conflicts_with = "simulate")]
+    pub(crate) confidence: Option<f64>,
     /// Write the spec with the names of `geometry` that were found; its comments stay
     #[arg(long, value_name = "YAML")]
     pub(crate) geometry: Option<PathBuf>,

@@ -237,7 +237,7 @@ impl Rates {
                 continue;
             }
             // of another signal no assignment is sure beside other mistakes
-            if !found.is_empty() && !(own > MIN_CORRELATION && !is_other) {
+            if !found.is_empty() && (own <= MIN_CORRELATION || is_other) {
                 continue;
             }
             if own < MIN_CORRELATION || is_other {

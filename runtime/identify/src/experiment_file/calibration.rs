@@ -126,7 +126,7 @@ fn frame(node: &Node, path: &str, sink: &mut Sink) -> Option<MeasuredFrame> {
         sink.push(node.at, path, message, remedy);
         return None;
     };
-    for key in needed.iter() {
+    for key in *needed {
         if node.get(key).is_none() {
             let message = format!("'{word}' needs the key '{key}'");
             sink.push(node.at, path, message, "");
@@ -146,12 +146,12 @@ fn frame(node: &Node, path: &str, sink: &mut Sink) -> Option<MeasuredFrame> {
         values?.try_into().ok()
     };
     let normal = three("normal").unwrap_or([0.0, 0.0, 1.0]);
-    if normal == [0.0; 3] {
+    if normal.iter().all(|x| *x == 0.0) {
         let at = node.get("normal").map_or(node.at, |own| own.at);
         let message = "a normal of length 0 has no direction".to_owned();
         sink.push(at, &below(path, "normal"), message, "");
     }
-    let list = |key: &str| node.get(key).map(|own| columns(own)).unwrap_or_default();
+    let list = |key: &str| node.get(key).map(columns).unwrap_or_default();
     let rotation = node.get("rotation").and_then(|own| own.entries().first());
     let factor = match node.get("unit").and_then(Node::text) {
         Some("cm") => 1e-2,
