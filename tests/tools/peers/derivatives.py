@@ -2,9 +2,11 @@
 """Compares the derivatives of inverse and forward dynamics of serial arms with Pinocchio's, and the
 times of one call, in one program that links our C and Pinocchio's C++.
 
-    python3 tests/tools/peers/derivatives.py      # installs the peers into a virtual environment first
+    python3 tests/tools/peers/derivatives.py             # installs the peers into a virtual environment first
+    python3 tests/tools/peers/derivatives.py ROBOT...    # only these
 
 Bodies have random physical inertias; friction and rotors are 0, since Pinocchio's derivatives have none.
+Of robots with loops only our times are printed, at home.
 """
 import sys
 
@@ -95,6 +97,26 @@ PART = r"""
   }
 """
 
+LOOPS = {"fivebar": "fivebar", "3rps": "rps3", "stewart": "stewart"}
+LOOP = r"""
+  {
+    enum { n = ROBOT_MACRO_COORDINATE_COUNT, m = ROBOT_MACRO_INDEPENDENT_COUNT };
+    double phi[ROBOT_MACRO_PARAMETER_COUNT] = {}, qd[n], qdd[n], given[m], tau[m];
+    static double out[3 * m * m];
+    for (int b = 0; b < ROBOT_MACRO_BODY_COUNT; b++) for (int k : {0, 3, 5, 9}) phi[10 * b + k] = k == 9 ? 1 : 0.1;
+    for (int k = 0; k < m; k++) given[k] = 0.3 + 0.1 * k;
+    const double *q = ROBOT_home;
+    ROBOT_velocities(q, given, qd);
+    ROBOT_accelerations(q, qd, given, qdd);
+    ROBOT_inverse_dynamics(q, qd, qdd, phi, tau);
+    printf("ROBOT: inverse dynamics %.0f ns, its derivatives %.0f ns, forward dynamics %.0f ns, its derivatives %.0f ns\n",
+      1.0 * time_of([&] { KEEP(q); ROBOT_inverse_dynamics(q, qd, qdd, phi, out); KEEP(out); }),
+      1.0 * time_of([&] { KEEP(q); ROBOT_inverse_dynamics_derivatives(q, qd, qdd, phi, out); KEEP(out); }),
+      1.0 * time_of([&] { KEEP(q); ROBOT_forward_dynamics(q, qd, tau, phi, out); KEEP(out); }),
+      1.0 * time_of([&] { KEEP(q); ROBOT_forward_dynamics_derivatives(q, qd, tau, phi, out); KEEP(out); }));
+  }
+"""
+
 
 def c_files(robot):
     """Our C of a robot with the functions of controllers."""
@@ -102,15 +124,23 @@ def c_files(robot):
     description = peers.WORK / f"{robot}.yaml"
     description.write_text(text if "\ncontrol: true" in text else text + "\ncontrol: true\n")
     peers.run([peers.regen(), "generate", description.name, "--target", "c", "--out", "."], cwd=peers.WORK)
-    peers.run(["gcc", "-std=c99", "-O3", "-march=native", "-c", f"{robot}.c"], cwd=peers.WORK)
+    name = LOOPS.get(robot, robot)
+    # the functions on float would take as long to compile
+    options = ["-std=c99", "-O3", "-march=native", f"-D{name.upper()}_NO_FLOAT"]
+    peers.run(["gcc", *options, "-c", f"{name}.c"], cwd=peers.WORK)
 
 
 def main():
     peers.WORK.mkdir(parents=True, exist_ok=True)
     peers.in_environment()
     parts = ""
-    for robot in peers.SERIAL:
+    robots = sys.argv[1:] or [*peers.SERIAL, *LOOPS]
+    for robot in robots:
         c_files(robot)
+        if robot in LOOPS:
+            name = LOOPS[robot]
+            parts += LOOP.replace("ROBOT_MACRO", name.upper()).replace("ROBOT", name)
+            continue
         rows, gravity = peers.links(robot)
         words = {
             "ROBOT_MACRO": robot.upper(),
@@ -124,10 +154,11 @@ def main():
         for word, value in words.items():
             part = part.replace(word, value)
         parts += part
-    headers = 'extern "C" {\n' + "".join(f'#include "{robot}.h"\n' for robot in peers.SERIAL) + "}\n"
+    names = [LOOPS.get(robot, robot) for robot in robots]
+    headers = 'extern "C" {\n' + "".join(f'#include "{name}.h"\n' for name in names) + "}\n"
     code = MAIN.replace("TIMER", peers.TIMER).replace("HEADERS", headers).replace("PARTS", parts)
     (peers.WORK / "derivatives.cpp").write_text(code)
-    objects = [f"{robot}.o" for robot in peers.SERIAL]
+    objects = [f"{name}.o" for name in names]
     program = peers.link_pinocchio("derivatives.cpp", objects)
     print(peers.run([program], cwd=peers.WORK), end="")
 
