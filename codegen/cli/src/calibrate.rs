@@ -183,10 +183,8 @@ fn simulate(
         .map_err(|error| Failure::Numeric(error.to_string()))?;
     let mut found = Calibrated::of_known(robot, problem, &known, 0.95);
     found.poses = poses.len();
-    let unknowns = problem.geometry.unknowns();
-    for estimate in &mut found.estimates {
-        let at = unknowns.iter().position(|own| own.name == estimate.name);
-        estimate.value = at.and_then(|at| truth.get(at).copied());
+    for (estimate, value) in found.estimates.iter_mut().zip(truth) {
+        estimate.value = Some(value);
     }
     terminal::print(&match args.format {
         Format::Human => {

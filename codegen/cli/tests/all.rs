@@ -3,6 +3,7 @@
 
 mod advice;
 mod base;
+mod calibrate;
 mod check;
 mod choice;
 mod common;

@@ -104,3 +104,20 @@ def test_a_frame_gives_the_columns_by_name(picker, excitation):
     np.testing.assert_array_equal(picker.gravity(shuffled[["q3", "q1", "t"]]), picker.gravity(q))
     with pytest.raises(regen.InputError, match="columns q1, q3"):
         picker.gravity(pandas.DataFrame({"q1": [0.1]}))
+
+
+def test_a_calibration_finds_simulated_errors(fivebar, tmp_path):
+    """Encoders in all joints, two more than the mechanism needs."""
+    robot = fivebar
+    poses = tmp_path / "poses.csv"
+    plan = {"columns": {name: name for name in ("q1", "q2", "q3", "q4")}, "calibrate": {"noise": 2e-5}}
+    truth = robot.calibrate(plan, simulate=poses, poses=40, perturb=5e-4, seed=3)
+    found = robot.calibrate(plan | {"runs": [{"files": [str(poses)]}]})
+    assert found.data["converged"] and not found.doubts and "40 poses" in repr(found)
+    sigmas = {row["name"]: row["sigma"] for row in found.data["estimates"]}
+    assert set(found.values) == set(truth.values)
+    assert all(abs(found.values[name] - value) < 5 * sigmas[name] for name, value in truth.values.items())
+    # without runs there is nothing to find, but what could be
+    assert not robot.calibrate(plan).values and len(robot.calibrate(plan).table) == len(truth.values)
+    with pytest.raises(regen.InputError, match="did you mean"):
+        robot.calibrate(plan, unknown=["q1.thet"])

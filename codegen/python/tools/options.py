@@ -23,6 +23,7 @@ COMMANDS = {
     "validate": "ValidateOptions",
     "report": "ReportOptions",
     "rehearse": "RehearseOptions",
+    "calibrate": "CalibrateOptions",
     "equations": "EquationsOptions",
     "generate": "GenerateOptions",
 }

@@ -1,22 +1,15 @@
 //! The geometry that fits measurements best, with deviations, and what they cannot tell.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use crate::closure::Split;
 use crate::equations::{Block, Group, Point, Pose, Problem};
 use crate::geometry::{Kept, Unit};
+use crate::search::{Found, Search, Sigmas, sigma_of};
 use crate::sensor::{Kind, Mounting};
 use crate::structure::{Reached, Structure, Why};
 
-/// The largest number of steps of a search.
-const STEPS: usize = 60;
-/// A step that is no longer made, in standard deviations.
-const NEGLIGIBLE: f64 = 1e-3;
-/// The part of the normal matrix's diagonal by which rounding errors are kept from its rank.
-const LEAST_DAMPING: f64 = 1e-14;
-/// The largest number of times that standard deviations are estimated again.
-const ROUNDS: usize = 20;
 /// A pose is left out beyond this many times its expected deviation.
 const OUTLYING: f64 = 5.0;
 /// Of this many poses at most one is left out.
@@ -157,247 +150,6 @@ impl core::fmt::Display for CalibrateError {
 
 impl core::error::Error for CalibrateError {}
 
-/// Standard deviations by group.
-type Sigmas = Vec<(Group, f64)>;
-
-/// A search over some of the columns: freedoms of mountings, then unknowns.
-struct Search<'a> {
-    problem: &'a Problem<'a>,
-    split: &'a Split,
-    poses: &'a [Pose],
-    columns: &'a [usize],
-}
-
-/// Where a search ended.
-struct Found {
-    point: Point,
-    /// Unweighted residuals.
-    blocks: Vec<Block>,
-    converged: bool,
-}
-
-fn sigma_of(sigmas: &Sigmas, group: Group) -> Option<f64> {
-    let own = sigmas.iter().find(|(own, _)| *own == group);
-    own.map(|(_, sigma)| *sigma)
-}
-
-impl Search<'_> {
-    fn whitened(&self, blocks: &[Block], sigmas: &Sigmas) -> Option<Vec<Block>> {
-        let of = |group| sigma_of(sigmas, group);
-        let blocks = blocks.iter();
-        blocks
-            .map(|block| self.problem.whitened(self.split, block, &of))
-            .collect()
-    }
-
-    /// The loss: half the sum of the squares, or Huber's function of each pose's norm.
-    fn loss(&self, blocks: &[Block], point: &Point, robust: bool) -> f64 {
-        let each = blocks.iter().map(|block| {
-            let square = block.residual.norm_squared();
-            let bound = bound_of(block.residual.len());
-            if robust && square > bound * bound {
-                bound * (libm::sqrt(square) - 0.5 * bound)
-            } else {
-                0.5 * square
-            }
-        });
-        each.sum::<f64>() + 0.5 * self.errors(point).map(|(_, e)| e * e).sum::<f64>()
-    }
-
-    /// The columns of the geometry, as places among those searched, with their errors at a point in
-    /// units of the tolerance; none without one.
-    fn errors(&self, point: &Point) -> impl Iterator<Item = (usize, f64)> {
-        let unknowns = self.problem.geometry.unknowns();
-        let freedoms = self.problem.freedoms();
-        let tolerance = self.problem.tolerance;
-        let columns = self.columns.iter().enumerate();
-        columns.filter_map(move |(k, column)| {
-            let place = column.checked_sub(freedoms)?;
-            let error = point.values.get(place)? - unknowns.get(place)?.nominal;
-            Some((k, error / tolerance?))
-        })
-    }
-
-    /// Levenberg and Marquardt's search from a point.
-    fn run(&self, start: Point, sigmas: &Sigmas, robust: bool) -> Option<Found> {
-        let mut point = start;
-        let mut blocks = self.problem.blocks(self.split, &point, self.poses)?;
-        let mut weighted = self.whitened(&blocks, sigmas)?;
-        let mut loss = self.loss(&weighted, &point, robust);
-        let mut damping = 1e-8;
-        let total = weighted.first().map_or(0, |block| block.slopes.ncols());
-        let mut converged = false;
-        for _ in 0..STEPS {
-            let n = self.columns.len();
-            let mut normal = DMatrix::<f64>::zeros(n, n);
-            let mut gradient = DVector::<f64>::zeros(n);
-            for block in &weighted {
-                let j = block.slopes.select_columns(self.columns);
-                let norm = block.residual.norm();
-                let bound = bound_of(block.residual.len());
-                let weight = if robust && norm > bound {
-                    bound / norm
-                } else {
-                    1.0
-                };
-                normal += weight * j.transpose() * &j;
-                gradient += weight * j.transpose() * &block.residual;
-            }
-            if let Some(tolerance) = self.problem.tolerance {
-                for (k, error) in self.errors(&point) {
-                    normal[(k, k)] += 1.0 / (tolerance * tolerance);
-                    gradient[k] += error / tolerance;
-                }
-            }
-            let scale: Vec<f64> = (0..n)
-                .map(|k| libm::sqrt(normal[(k, k)]).max(1e-300))
-                .collect();
-            let solve = |damping: f64| {
-                let scaled = DMatrix::from_fn(n, n, |i, j| {
-                    let entry = normal[(i, j)] / (scale[i] * scale[j]);
-                    if i == j { entry + damping } else { entry }
-                });
-                let right = DVector::from_fn(n, |k, _| -gradient[k] / scale[k]);
-                Some(scaled.cholesky()?.solve(&right))
-            };
-            // the whole step, in standard deviations of the estimates at most: a damped one is short
-            // along directions that are known badly
-            if solve(LEAST_DAMPING).is_some_and(|step| step.norm() < NEGLIGIBLE) {
-                converged = true;
-                break;
-            }
-            let mut accepted = None;
-            while damping < 1e12 {
-                let Some(solved) = solve(damping) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let mut step = vec![0.0; total];
-                for (k, column) in self.columns.iter().enumerate() {
-                    step[*column] = solved[k] / scale[k];
-                }
-                let next = self.problem.moved(self.split, &point, &step);
-                let next = next.and_then(|next| {
-                    let blocks = self.problem.blocks(self.split, &next, self.poses)?;
-                    let weighted = self.whitened(&blocks, sigmas)?;
-                    let loss = self.loss(&weighted, &next, robust);
-                    loss.is_finite().then_some((next, blocks, weighted, loss))
-                });
-                match next {
-                    Some(next) if next.3 <= loss * (1.0 + 1e-13) => {
-                        damping = (damping * 0.01).max(LEAST_DAMPING);
-                        accepted = Some(next);
-                        break;
-                    }
-                    _ => damping *= 10.0,
-                }
-            }
-            let Some(next) = accepted else {
-                // no step lowers it: rounding errors are left
-                converged = gradient
-                    .iter()
-                    .zip(&scale)
-                    .all(|(g, s)| (g / s).abs() < 1e-3);
-                break;
-            };
-            (point, blocks, weighted, loss) = next;
-        }
-        Some(Found {
-            point,
-            blocks,
-            converged,
-        })
-    }
-
-    /// The leverages of every row and the inverse of the normal matrix, weighted.
-    fn statistics(&self, weighted: &[Block]) -> Option<(DMatrix<f64>, Vec<DMatrix<f64>>)> {
-        let n = self.columns.len();
-        let mut normal = DMatrix::<f64>::zeros(n, n);
-        for block in weighted {
-            let j = block.slopes.select_columns(self.columns);
-            normal += j.transpose() * j;
-        }
-        if let Some(tolerance) = self.problem.tolerance {
-            let freedoms = self.problem.freedoms();
-            for (k, column) in self.columns.iter().enumerate() {
-                if *column >= freedoms {
-                    normal[(k, k)] += 1.0 / (tolerance * tolerance);
-                }
-            }
-        }
-        let scale: Vec<f64> = (0..n)
-            .map(|k| libm::sqrt(normal[(k, k)]).max(1e-300))
-            .collect();
-        let scaled = DMatrix::from_fn(n, n, |i, j| normal[(i, j)] / (scale[i] * scale[j]));
-        let inverse = scaled.cholesky()?.inverse();
-        let covariance = DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / (scale[i] * scale[j]));
-        let hats = weighted.iter().map(|block| {
-            let j = block.slopes.select_columns(self.columns);
-            &j * &covariance * j.transpose()
-        });
-        let hats = hats.collect();
-        Some((covariance, hats))
-    }
-
-    /// The search with standard deviations that are estimated where none are stated.
-    fn settle(&self, start: Point, sigmas: &mut Sigmas, robust: bool) -> Option<Found> {
-        let mut found = self.run(start, sigmas, robust)?;
-        for _ in 0..ROUNDS {
-            let weighted = self.whitened(&found.blocks, sigmas)?;
-            let (_, hats) = self.statistics(&weighted)?;
-            let mut change: f64 = 0.0;
-            for (group, sigma) in sigmas.iter_mut() {
-                if self.problem.stated(*group).is_some() {
-                    continue;
-                }
-                let (mut sum, mut freedoms, mut rows) = (0.0, 0.0, 0.0);
-                for (block, hat) in weighted.iter().zip(&hats) {
-                    for (k, own) in block.groups.iter().enumerate() {
-                        if own == group {
-                            sum += block.residual[k] * block.residual[k];
-                            freedoms += 1.0 - hat[(k, k)];
-                            rows += 1.0;
-                        }
-                    }
-                }
-                let factor = if freedoms < 0.5 {
-                    1.0
-                } else if robust {
-                    // a fit takes the same part of the median as of the rms
-                    robust_factor(&weighted, *group) * libm::sqrt(rows / freedoms)
-                } else {
-                    libm::sqrt(sum / freedoms)
-                };
-                // residuals that are rounding errors have no smaller deviation
-                let next = (*sigma * factor).max(1e-12);
-                change = change.max((next / *sigma - 1.0).abs());
-                *sigma = next;
-            }
-            if change < 1e-3 {
-                break;
-            }
-            found = self.run(found.point, sigmas, robust)?;
-        }
-        Some(found)
-    }
-}
-
-/// From which norm the residuals of a pose count as its length: 1.345 for one number (Huber).
-fn bound_of(rows: usize) -> f64 {
-    1.345 * libm::sqrt(rows.max(1) as f64)
-}
-
-/// The median of the sizes of a group's weighted residuals over that of noise.
-fn robust_factor(weighted: &[Block], group: Group) -> f64 {
-    let mut sizes: Vec<f64> = Vec::new();
-    for block in weighted {
-        let own = block.groups.iter().zip(block.residual.iter());
-        sizes.extend(own.filter(|(g, _)| **g == group).map(|(_, r)| r.abs()));
-    }
-    sizes.sort_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).map_or(1.0, |m| m / 0.6745)
-}
-
 /// The rotation and shift that bring points and rotations of an instrument onto those in the world
 /// (Arun, Huang, Blostein 1987).
 pub(crate) fn aligned(
@@ -517,6 +269,15 @@ impl Problem<'_> {
                 sought: columns.len(),
             });
         }
+        let prior = match self.tolerance {
+            None => DMatrix::zeros(0, 0),
+            Some(tolerance) => {
+                let combined = structure.combinations(&chosen, freedoms) * tolerance;
+                let covariance = &combined * combined.transpose();
+                let inverse = covariance.cholesky().map(|factor| factor.inverse());
+                inverse.ok_or(CalibrateError::NotClosed)?
+            }
+        };
         // the nominal geometry with instruments where it fits best
         let placing: Vec<usize> = columns.iter().copied().filter(|c| *c < freedoms).collect();
         if !placing.is_empty() {
@@ -525,6 +286,7 @@ impl Problem<'_> {
                 split: &reached.split,
                 poses: problem.poses,
                 columns: &placing,
+                prior: &DMatrix::zeros(0, 0),
             };
             if let Some(found) = search.run(point.clone(), &sigmas, true) {
                 point = found.point;
@@ -538,13 +300,14 @@ impl Problem<'_> {
             split: &reached.split,
             poses: problem.poses,
             columns: &columns,
+            prior: &prior,
         };
         let robust = search
             .settle(point.clone(), &mut sigmas, true)
             .ok_or(CalibrateError::NotClosed)?;
         let mut fit = problem.finish(
             &reached,
-            &columns,
+            (&columns, &prior),
             (robust, sigmas),
             &nominal_blocks,
             confidence,
@@ -558,7 +321,7 @@ impl Problem<'_> {
     fn finish(
         &self,
         reached: &Reached,
-        columns: &[usize],
+        (columns, prior): (&[usize], &DMatrix<f64>),
         (robust, mut sigmas): (Found, Sigmas),
         nominal_blocks: &[Block],
         confidence: f64,
@@ -597,6 +360,7 @@ impl Problem<'_> {
             split: &reached.split,
             poses: &poses,
             columns,
+            prior,
         };
         let found = search
             .settle(point, &mut sigmas, false)

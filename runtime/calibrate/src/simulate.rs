@@ -1,10 +1,11 @@
 //! Simulated measurements of a mechanism whose geometry differs from its description.
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
 
 use crate::equations::{Pose, Problem};
 use crate::fit::CalibrateError;
 use crate::sensor::Kind;
+use crate::structure::Structure;
 
 /// What is simulated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,23 +54,31 @@ impl Problem<'_> {
     /// # Errors
     /// When the readings do not determine states of the mechanism, or its loops do not close.
     pub fn simulate(&self, what: &Simulation) -> Result<(Vec<f64>, Vec<Pose>), CalibrateError> {
-        let known = self.known()?;
         let start = self.start()?;
+        let structure = Structure::new(self, &start)?;
         let mut draws = Draws::new(what.seed);
-        let unknowns = self.geometry.unknowns().iter();
-        let truth: Vec<f64> = unknowns
-            .map(|unknown| {
+        let unknowns = self.geometry.unknowns();
+        let held = structure.held.iter();
+        let errors: Vec<f64> = held
+            .map(|held| {
                 let error = what.errors * draws.normal();
-                if known.kept.contains(&unknown.name) {
-                    unknown.nominal + error
-                } else {
-                    unknown.nominal
-                }
+                if *held { 0.0 } else { error }
             })
+            .collect();
+        let values = unknowns.iter().zip(&errors);
+        let values: Vec<f64> = values.map(|(own, error)| own.nominal + error).collect();
+        let freedoms = self.freedoms();
+        let combined = structure.combinations(&structure.selection, freedoms);
+        let combined = combined * DVector::from_vec(errors);
+        let kept = structure.selection.kept.iter();
+        let kept = kept.filter_map(|c| unknowns.get(c.checked_sub(freedoms)?));
+        let truth: Vec<f64> = kept
+            .zip(combined.iter())
+            .map(|(own, error)| own.nominal + error)
             .collect();
         let scalars = self
             .geometry
-            .scalars(&truth)
+            .scalars(&values)
             .ok_or(CalibrateError::NotClosed)?;
         let mut poses = Vec::new();
         // states of the description are states of the mechanism after a small motion

@@ -46,9 +46,9 @@ pub(crate) struct Reached {
 /// The columns that the measurements determine in principle.
 #[derive(Clone, Debug)]
 pub(crate) struct Structure {
-    selection: Selection,
+    pub(crate) selection: Selection,
     /// For each unknown, whether the loops hold it.
-    held: Vec<bool>,
+    pub(crate) held: Vec<bool>,
 }
 
 /// What measurements of a kind determine of a geometry, whatever poses are chosen.
@@ -273,6 +273,45 @@ impl Structure {
             selection: Selection::of_columns(&all, SILENT),
             held,
         })
+    }
+
+    /// What the found unknowns stand for: one row for each that is found, with what a unit error of each
+    /// unknown changes it by (a column). Nothing of those that loops hold.
+    pub(crate) fn combinations(&self, found: &Selection, freedoms: usize) -> DMatrix<f64> {
+        let unknowns = self.held.len();
+        let kept: Vec<usize> = found
+            .kept
+            .iter()
+            .copied()
+            .filter(|c| *c >= freedoms)
+            .collect();
+        let mut out = DMatrix::zeros(kept.len(), unknowns);
+        let mut add = |column: usize, unknown: usize, factor: f64| {
+            if let Some(row) = kept.iter().position(|own| *own == column) {
+                out[(row, unknown)] += factor;
+                return;
+            }
+            // determined in principle, but not by these poses
+            let absorbed = found.absorbed.iter().find(|own| own.column == column);
+            for (own, part) in absorbed.map(|own| own.by.as_slice()).unwrap_or_default() {
+                if let Some(row) = kept.iter().position(|kept| kept == own) {
+                    out[(row, unknown)] += factor * part;
+                }
+            }
+        };
+        for unknown in (0..unknowns).filter(|k| !self.held[*k]) {
+            let column = freedoms + unknown;
+            match self
+                .selection
+                .absorbed
+                .iter()
+                .find(|own| own.column == column)
+            {
+                None => add(column, unknown, 1.0),
+                Some(own) => own.by.iter().for_each(|(c, part)| add(*c, unknown, *part)),
+            }
+        }
+        out
     }
 
     /// The unknowns that stay at their nominal values, when these columns are found.

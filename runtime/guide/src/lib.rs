@@ -56,6 +56,9 @@ pub mod response {}
 #[doc = include_str!("../pages/rehearse.md")]
 pub mod rehearse {}
 
+#[doc = include_str!("../pages/calibrate.md")]
+pub mod calibrate {}
+
 #[doc = include_str!("../pages/estimators.md")]
 pub mod estimators {}
 #[doc = include_str!("../pages/python.md")]

@@ -84,6 +84,7 @@ Examples:
   regen validate robots/3rps.yaml p.json other.csv --fourier 0.1333,11
   regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
   regen rehearse robots/3rps.yaml --trajectory t.json --noise 1e-5,0.5
+  regen calibrate robots/3rps.yaml poses.yaml   its geometry, from poses
   regen view robots/3rps.yaml --out 3rps.html   the mechanism in 3D
   regen serve robots/3rps.yaml       edit it in a browser, results as you type
 

@@ -22,13 +22,24 @@ from .errors import (
 from .fleet import Factors
 from .functions import Closed, Derivatives
 from .logs import Log
-from .results import Excitation, Explanation, Identified, Inspection, Page, Rehearsal, Report, Validation
+from .results import (
+    Calibration,
+    Excitation,
+    Explanation,
+    Identified,
+    Inspection,
+    Page,
+    Rehearsal,
+    Report,
+    Validation,
+)
 from .robot import Robot, inspect, observe
 
 __version__ = _native.__version__
 
 __all__ = [
     "Base",
+    "Calibration",
     "CheckError",
     "Closed",
     "Derivatives",
@@ -59,8 +70,8 @@ __all__ = [
 def _document() -> None:
     """Adds the options of the command to the documentation of the methods that take them."""
     for name in (
-        "equations", "generate", "excite", "simulate", "rehearse", "inspect", "identify",
-        "validate", "report", "observe",
+        "equations", "generate", "excite", "simulate", "rehearse", "calibrate", "inspect",
+        "identify", "validate", "report", "observe",
     ):
         method = getattr(Robot, name)
         hidden = {"format"} if name != "equations" else set()

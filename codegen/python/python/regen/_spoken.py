@@ -9,8 +9,8 @@ from . import _native
 
 #: The commands that are methods, and those with a name of their own.
 METHODS = (
-    "check", "equations", "excite", "export", "generate", "identify", "inspect", "observe",
-    "rehearse", "report", "simulate", "validate", "view",
+    "calibrate", "check", "equations", "excite", "export", "generate", "identify", "inspect",
+    "observe", "rehearse", "report", "simulate", "validate", "view",
 )  # fmt: skip
 _OTHERS = {"import": "Robot()", "base": "Robot.base", "info": "Robot()", "eval": "Robot.evaluate()"}
 

@@ -541,6 +541,27 @@ class RehearseOptions(TypedDict, total=False):
     window: Value | None
 
 
+class CalibrateOptions(TypedDict, total=False):
+    """Of ``calibrate``."""
+
+    #: The level of the confidence intervals [default: 0.95]
+    confidence: Value | None
+    #: Write the spec with the names of `geometry` that were found; its comments stay
+    geometry: Value | None
+    #: The folder of the logs in FILE [default: that of FILE]
+    logs: Value | None
+    #: The deviation of the simulated errors, rad and m
+    perturb: Value | None
+    #: The number of simulated poses
+    poses: Value | None
+    #: The seed of simulated errors and noise
+    seed: Value | None
+    #: Write simulated poses of a mechanism with errors instead, in the columns that FILE names, and print the true values
+    simulate: Value | None
+    #: What is unknown: names of `geometry`, errors such as q3.alpha, or what such names begin with
+    unknown: Values | None
+
+
 class EquationsOptions(TypedDict, total=False):
     """Of ``equations``."""
 

@@ -122,6 +122,30 @@ class Identified(Result):
         return f"<p>{html.escape(repr(self)[1:-1])}</p>" + _html(rows)
 
 
+class Calibration(Result):
+    """The geometry that fits measurements, and what they cannot tell."""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The numbers that were found, by name, rad or m; of simulated poses the true ones."""
+        rows = self.data["estimates"]
+        return {row["name"]: row["value"] for row in rows if row["value"] is not None}
+
+    @property
+    def table(self) -> Any:
+        """Each number with its nominal value, deviation and interval: a DataFrame with pandas."""
+        return _table(self.data["estimates"], "name")
+
+    @property
+    def doubts(self) -> list[str]:
+        """What is wrong with the measurements, in words."""
+        return list(self.data["doubts"])
+
+    def __repr__(self) -> str:
+        count = len(self.data["estimates"])
+        return f"<Calibration of {self.data['robot']}: {count} numbers from {self.data['poses']} poses>"
+
+
 class Rehearsal(Result):
     """How often simulated logs would give the true parameters."""
 

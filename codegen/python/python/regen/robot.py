@@ -16,6 +16,7 @@ from .functions import Functions
 from .logs import Log, Logs, as_files
 from .model import Path
 from .results import (
+    Calibration,
     Excitation,
     Explanation,
     Identified,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from .options import (
+        CalibrateOptions,
         EquationsOptions,
         ExciteOptions,
         GenerateOptions,
@@ -200,6 +202,23 @@ class Robot(Functions):
                 if not error.printed:
                     raise
                 return Rehearsal(_call.parsed(error.printed))
+
+    def calibrate(
+        self,
+        experiment: Logs,
+        /,
+        *,
+        progress: Progress | bool | None = None,
+        **options: Unpack[CalibrateOptions],
+    ) -> Calibration:
+        """Finds the geometry from poses at rest, or what such measurements can tell.
+
+        ``experiment``: an experiment file with ``calibrate``, or the dict of one; without runs in it
+        nothing is found, and the result says what could be.
+        """
+        texts: dict[str, str] = {}
+        with as_files(experiment, texts) as files:
+            return Calibration(self._run("calibrate", files.paths, dict(options), texts, progress))
 
     def inspect(
         self, logs: Logs, /, *, progress: Progress | bool | None = None, **options: Unpack[InspectOptions]
