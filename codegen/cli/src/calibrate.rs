@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
 use regen_calibrate::{
     CalibrateError, Convention, Geometry, Kind, Mounting, Pose, Problem, Sensor, Simulation,
 };
@@ -71,9 +70,19 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         tolerance: plan.tolerance,
         poses: logs.as_ref().map_or(&[], |logs| &logs.poses),
     };
-    let failed = |error: CalibrateError| match error {
-        CalibrateError::NotClosed | CalibrateError::NoPose => Failure::Numeric(error.to_string()),
-        _ => Failure::Input(format!("{}: {error}", args.file.display())),
+    // what is wrong with the measurements is told also where nothing fits them
+    let doubts = problem.doubts();
+    let doubts: Vec<String> = doubts.iter().map(ToString::to_string).collect();
+    let failed = |error: CalibrateError| {
+        let text = format!("{}: {error}", args.file.display());
+        let text = std::iter::once(text).chain(doubts.iter().cloned());
+        let text = text.collect::<Vec<_>>().join("\n");
+        match error {
+            CalibrateError::NotClosed | CalibrateError::NoPose | CalibrateError::NoFit => {
+                Failure::Numeric(text)
+            }
+            _ => Failure::Input(text),
+        }
     };
     if let Some(out) = &args.simulate {
         return simulate(args, out, (&problem, plan, &file.settings), &robot.name);
@@ -81,7 +90,7 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let result = if logs.is_some() {
         let fit = problem.calibrate(confidence).map_err(failed)?;
         let mut found = Calibrated::of_fit(&robot.name, &problem, &fit, confidence);
-        found.doubts = problem.doubts().iter().map(ToString::to_string).collect();
+        found.doubts.clone_from(&doubts);
         found
     } else {
         let unused = [
@@ -268,18 +277,6 @@ fn sensors(
             MeasuredKind::Plane => Kind::Plane,
             MeasuredKind::Gravity => Kind::Gravity,
         };
-        let normal = Vector3::from(measured.normal);
-        let axes = match kind {
-            Kind::Plane => {
-                let turn = Rotation3::rotation_between(&Vector3::z(), &normal);
-                // half a turn has no axis of its own
-                turn.map_or_else(
-                    || Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
-                    |turn| *turn.matrix(),
-                )
-            }
-            _ => Matrix3::identity(),
-        };
         let alike = |own: &&MeasuredFrame| own.frame == measured.frame && own.kind == measured.kind;
         let name = format!("{} of {}", word(measured.kind), measured.frame);
         let several = plan.measured.iter().filter(alike).count() > 1;
@@ -293,9 +290,8 @@ fn sensors(
             kind,
             frame,
             mounting: Mounting {
-                axes,
-                point: Vector3::from(measured.from),
                 unknown: measured.unknown_instrument && kind != Kind::Gravity,
+                ..Mounting::at(measured.from, measured.normal)
             },
             noise: measured.noise,
             noise_of_angles: measured.noise_of_angles,

@@ -125,6 +125,8 @@ pub enum CalibrateError {
     NothingToFind,
     /// The geometry has no finite values, or no state of it closes.
     NotClosed,
+    /// No geometry near the description fits the measurements.
+    NoFit,
 }
 
 impl core::fmt::Display for CalibrateError {
@@ -144,6 +146,7 @@ impl core::fmt::Display for CalibrateError {
                 f.write_str("nothing of the unknown geometry changes what is measured")
             }
             Self::NotClosed => f.write_str("the loops do not close with the nominal geometry"),
+            Self::NoFit => f.write_str("no geometry near the description fits the measurements"),
         }
     }
 }
@@ -304,7 +307,7 @@ impl Problem<'_> {
         };
         let robust = search
             .settle(point.clone(), &mut sigmas, true)
-            .ok_or(CalibrateError::NotClosed)?;
+            .ok_or(CalibrateError::NoFit)?;
         let mut fit = problem.finish(
             &reached,
             (&columns, &prior),
@@ -364,14 +367,12 @@ impl Problem<'_> {
         };
         let found = search
             .settle(point, &mut sigmas, false)
-            .ok_or(CalibrateError::NotClosed)?;
+            .ok_or(CalibrateError::NoFit)?;
         blocks = found.blocks;
         let weighted = search
             .whitened(&blocks, &sigmas)
-            .ok_or(CalibrateError::NotClosed)?;
-        let (covariance, hats) = search
-            .statistics(&weighted)
-            .ok_or(CalibrateError::NotClosed)?;
+            .ok_or(CalibrateError::NoFit)?;
+        let (covariance, hats) = search.statistics(&weighted).ok_or(CalibrateError::NoFit)?;
         let numbers: usize = blocks.iter().map(|block| block.residual.len()).sum();
         let degrees = numbers.saturating_sub(columns.len());
         let all_stated = sigmas

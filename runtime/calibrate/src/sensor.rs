@@ -68,6 +68,27 @@ impl Mounting {
         unknown: false,
     };
 
+    /// An instrument at a point of the world, m, whose z axis is along a normal of any length but 0.
+    ///
+    /// ```
+    /// use regen_calibrate::Mounting;
+    ///
+    /// let wall = Mounting::at([0.0, 0.5, 0.0], [0.0, 2.0, 0.0]);
+    /// assert!((wall.axes.column(2)[1] - 1.0).abs() < 1e-15 && !wall.unknown);
+    /// ```
+    pub fn at(point: [f64; 3], normal: [f64; 3]) -> Self {
+        let turn = Rotation3::rotation_between(&Vector3::z(), &Vector3::from(normal));
+        Self {
+            // half a turn has no axis of its own
+            axes: turn.map_or_else(
+                || Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
+                |turn| *turn.matrix(),
+            ),
+            point: Vector3::from(point),
+            unknown: false,
+        }
+    }
+
     /// Turned by a rotation vector in the world and shifted.
     pub(crate) fn moved(&self, freedoms: &[f64], kind: Kind) -> Self {
         let [rotation, shift] = match (kind, freedoms) {
