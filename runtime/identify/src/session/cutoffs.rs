@@ -39,6 +39,8 @@ const MAX_CUTOFF_RATIO: f64 = 0.3;
 /// From one cutoff to the next, the bias by noise of the motion grows by about this factor: noise of
 /// accelerations has a power with the fifth power of the cutoff.
 const GROWTH: f64 = 20.0;
+/// And at least by this one, where the noise is not white: the third power of the cutoff.
+const LEAST_GROWTH: f64 = 5.6;
 /// A bias below this part of the deviation is not computed, but taken as grown.
 const NEGLIGIBLE: f64 = 0.02;
 /// The largest number of rows of each log on which cutoffs are tried.
@@ -454,8 +456,13 @@ fn is_over(errors: &[Errors], best: usize) -> bool {
     let last = errors
         .last()
         .map_or(f64::INFINITY, |own| Errors { apart: 0.0, ..*own }.sum());
-    let is_hopeless = last.is_finite() && last > HOPELESS * best_sum;
-    errors.len() > best + PATIENCE || is_hopeless && errors.len() > best + 1
+    // the next one costs as much as all before it, and its bias is at least this
+    let next = errors.last().map_or(0.0, |own| {
+        BIAS_WEIGHT * LEAST_GROWTH * LEAST_GROWTH * own.bias
+    });
+    let is_hopeless = |sum: f64| sum.is_finite() && sum > HOPELESS * best_sum;
+    errors.len() > best + PATIENCE
+        || errors.len() > best + 1 && (is_hopeless(last) || is_hopeless(next))
 }
 
 /// The index of the trial with the smallest error; of those that are nearly as good the first.
@@ -645,6 +652,14 @@ mod tests {
         assert!(!is_over(&apart, 0));
         // one that leaves too few equations says nothing
         assert!(!is_over(&of(&[4.0, 1.0, f64::INFINITY]), 1));
+        // the next one has a bias that noise of the motion made far larger
+        for (bias, ends) in [(0.05, false), (0.1, true)] {
+            let mut biased = of(&[4.0, 1.0, 1.5]);
+            biased[2].bias = bias;
+            assert_eq!(is_over(&biased, 1), ends);
+            // it is tried where the last one is the best
+            assert!(!is_over(&biased, 2));
+        }
     }
 
     #[test]
