@@ -903,7 +903,8 @@ mod tests {
         for place in [-2.9, -1.3, 0.4, 2.0] {
             let smooth = found(place, |x| x * x + 0.1 * x * x * x);
             assert!((smooth - place).abs() < 1.5e-7, "{smooth} {place}");
-            assert!(calls.get() < 25, "{}", calls.get());
+            // at a bound no parabola is within the interval
+            assert!(place == 2.0 || calls.get() < 15, "{}", calls.get());
             for sharp in [(|x| libm::log(x * x + 1e-30)) as fn(f64) -> f64, f64::abs] {
                 let found = found(place, sharp);
                 assert!((found - place).abs() < 1.5e-7, "{found} {place}");
