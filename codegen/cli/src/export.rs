@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use regen_codegen::diag::Source;
-use regen_import::{FileFormat, Parameters};
+use regen_import::{FileFormat, Parameters, isaac_lab, usd_layer};
 use serde::Serialize;
 use serde_json::Value;
 
 use regen_identify::files;
 
-use crate::args::{ExportArgs, Format};
+use crate::args::{ExportArgs, ExportTarget, Format};
 use crate::exit::Failure;
 use crate::{load, parameters, table, terminal, write};
 
@@ -25,6 +25,10 @@ struct Exported<'a> {
     mjcf: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sdf: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    usd: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    isaac_lab: Option<&'a str>,
 }
 
 /// Runs the command.
@@ -47,31 +51,71 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
         &parameters,
     )
     .map_err(Failure::Spec)?;
-    for note in &exported.notes {
-        terminal::note(&format!("note: {note}"));
+    match args.to {
+        ExportTarget::Same => {
+            for note in &exported.notes {
+                terminal::note(&format!("note: {note}"));
+            }
+        }
+        other => left_out(other, &parameters),
     }
+    let text = match args.to {
+        ExportTarget::Same => exported.text,
+        ExportTarget::Usd => usd_layer(&exported.robot, &exported.links),
+        ExportTarget::IsaacLab => {
+            let own = regen_codegen::spec::parse(&spec)?;
+            isaac_lab(&own, &parameters.joints)
+        }
+    };
     if let Some(out) = &args.out {
-        write::atomically(out, &exported.text)?;
+        write::atomically(out, &text)?;
     }
     let written = args.out.as_ref().map(|out| out.display().to_string());
     let values = exported.values;
     terminal::print(&match (args.format, written) {
         (Format::Json, written) => {
-            let text = |format| {
-                let shown = written.is_none() && exported.format == format;
-                shown.then_some(exported.text.as_str())
-            };
+            let shown = |is_format: bool| (written.is_none() && is_format).then_some(text.as_str());
+            let of = |format| shown(args.to == ExportTarget::Same && exported.format == format);
             table::document(&Exported {
                 values,
-                urdf: text(FileFormat::Urdf),
-                mjcf: text(FileFormat::Mjcf),
-                sdf: text(FileFormat::Sdf),
+                urdf: of(FileFormat::Urdf),
+                mjcf: of(FileFormat::Mjcf),
+                sdf: of(FileFormat::Sdf),
+                usd: shown(args.to == ExportTarget::Usd),
+                isaac_lab: shown(args.to == ExportTarget::IsaacLab),
                 written: written.clone(),
             })
         }
         (Format::Human, Some(out)) => format!("wrote {out}, {values} values new\n"),
-        (Format::Human, None) => exported.text,
+        (Format::Human, None) => text,
     })
+}
+
+/// Notes the parameters that a target has no place for.
+fn left_out(to: ExportTarget, parameters: &Parameters) {
+    let note = |what: &str, where_to: &str| terminal::note(&format!("note: {what}: {where_to}"));
+    if to == ExportTarget::Usd {
+        if !parameters.joints.is_empty() {
+            note(
+                "the layer has no friction and no inertia of drives",
+                "--to isaac-lab writes them",
+            );
+        }
+        return;
+    }
+    if !parameters.bodies.is_empty() {
+        note(
+            "actuators have no masses and inertias",
+            "--to usd writes them",
+        );
+    }
+    for (joint, own) in &parameters.joints {
+        let stiffness = own.stiffness.map(|_| "K".to_owned());
+        for symbol in own.others.iter().chain(&stiffness) {
+            let what = format!("{symbol} of joint '{joint}' is not written");
+            note(&what, "Isaac Lab's actuators have none");
+        }
+    }
 }
 
 /// Reads parameters from JSON; mistakes are reported with line and column.

@@ -97,7 +97,7 @@ impl FileFormat {
 }
 
 /// A robot file with new parameters.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Exported {
     /// The text of the file.
     pub text: String,
@@ -105,6 +105,10 @@ pub struct Exported {
     pub format: FileFormat,
     /// How many numbers were replaced or written.
     pub values: usize,
+    /// The robot's name in the file.
+    pub robot: String,
+    /// The parameters of bodies by the names of their links, in the links' frames.
+    pub links: Vec<(String, BodyParameters)>,
     /// Messages for the user, such as values of the file that stay unchanged.
     pub notes: Vec<Note>,
 }
@@ -184,6 +188,8 @@ pub fn export(
                     text: edits.apply(&file.text),
                     format,
                     values,
+                    robot: export.robot.clone(),
+                    links: export.links.clone(),
                     notes: export.log.notes(),
                 });
             }
@@ -223,6 +229,10 @@ struct Export<'a> {
     about_spec: Vec<Diagnostic>,
     /// Whether angles of the file keep their printed values and are not taken as multiples of pi.
     exact: bool,
+    /// See [`Exported`].
+    robot: String,
+    /// See [`Exported`].
+    links: Vec<(String, BodyParameters)>,
 }
 
 impl<'a> Export<'a> {
@@ -233,6 +243,8 @@ impl<'a> Export<'a> {
             about_given: Vec::new(),
             about_spec: Vec::new(),
             exact,
+            robot: String::new(),
+            links: Vec::new(),
         }
     }
 
@@ -274,6 +286,7 @@ impl<'a> Export<'a> {
         }
         let zeros = Zeros::new(model, &file.tree, &file.draft);
         self.note_zeros(&zeros, model, file.root.place);
+        self.robot.clone_from(&file.tree.name);
         let mut edits = Edits::new(&source.text);
         for (label, values) in &parameters.bodies {
             if !self.is_possible(label, values) {
@@ -283,9 +296,17 @@ impl<'a> Export<'a> {
                 continue;
             };
             let inertia = inertia_in_link(values, &frame);
+            let placed = BodyParameters {
+                mass: inertia.mass,
+                com: inertia.com,
+                inertia: inertia.tensor,
+            };
             let link = file.draft.bodies.iter().find(|b| b.label == *label);
             let link = link.and_then(|b| file.tree.find(&b.link));
-            let place = link.and_then(|l| file.tree.links.get(l)).map(|l| l.place);
+            let link = link.and_then(|l| file.tree.links.get(l));
+            self.links
+                .extend(link.map(|own| (own.name.clone(), placed)));
+            let place = link.map(|l| l.place);
             match place.and_then(|place| file.element(place)) {
                 Some(element) if element.place.file != file.root.place.file => {
                     let message = format!("body '{label}' is in an included file");

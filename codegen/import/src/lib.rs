@@ -39,6 +39,7 @@ mod edits;
 mod export;
 mod fields;
 mod frames;
+mod isaac;
 mod layout;
 mod lock;
 mod log;
@@ -59,6 +60,7 @@ mod xml;
 
 pub use dh_table::{Rows, from_dh_table};
 pub use export::{BodyParameters, Exported, FileFormat, JointParameters, Parameters, export};
+pub use isaac::{isaac_lab, usd_layer};
 pub use log::{LOOP_IN_TREE, Note};
 pub use xml::Reader;
 

@@ -46,7 +46,7 @@ pub(crate) use reading::{
 };
 pub(crate) use rehearse::{RehearseArgs, SolvingArgs, UnmodelledArg};
 pub(crate) use report::ReportArgs;
-pub(crate) use robot_files::{Base, ExportArgs, ImportArgs};
+pub(crate) use robot_files::{Base, ExportArgs, ExportTarget, ImportArgs};
 pub(crate) use serve::ServeArgs;
 pub(crate) use simulate::{SimulateArgs, TwinArgs};
 pub(crate) use view::ViewArgs;

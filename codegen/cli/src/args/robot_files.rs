@@ -110,7 +110,9 @@ express are listed. Values that no physical body has are refused.
 
 Examples:
   regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\
-      --out arm_identified.urdf")]
+      --out arm_identified.urdf
+  regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\
+      --to usd --out arm_identified.usda")]
 pub(crate) struct ExportArgs {
     /// The robot file, URDF, SDF or MJCF
     #[arg(long, visible_aliases = ["mjcf", "sdf"], value_name = "FILE")]
@@ -121,10 +123,25 @@ pub(crate) struct ExportArgs {
     /// The parameters, a JSON or YAML file
     #[arg(long, value_name = "PARAMS")]
     pub(crate) parameters: PathBuf,
+    /// What is written: the robot file with the parameters, or something beside it
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) to: ExportTarget,
     /// Where the file is written [default: standard output]
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
+}
+
+/// What `regen export` writes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum ExportTarget {
+    /// The robot file with the new numbers
+    #[default]
+    Same,
+    /// A layer of USD with masses, centres of mass and inertias of the links
+    Usd,
+    /// Isaac Lab's configuration of actuators, Python, with friction and armature
+    IsaacLab,
 }
