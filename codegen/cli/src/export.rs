@@ -1,4 +1,4 @@
-//! `regen export`: writes identified parameters into a URDF, SDF or MJCF file.
+//! `regen export`: writes identified parameters into a URDF, SDF or MJCF file, or beside it for Isaac Sim and Isaac Lab.
 
 use std::path::Path;
 
@@ -61,6 +61,14 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
     }
     let text = match args.to {
         ExportTarget::Same => exported.text,
+        ExportTarget::IsaacLab if parameters.joints.is_empty() => {
+            let why = "there is no friction and no inertia of a drive under `joints`, which actuators have";
+            return Err(Failure::Input(format!("{}: {why}", given.name)));
+        }
+        ExportTarget::Usd if exported.links.is_empty() => {
+            let why = "there are no masses and inertias under `bodies`, which a layer of USD has";
+            return Err(Failure::Input(format!("{}: {why}", given.name)));
+        }
         ExportTarget::Usd => usd_layer(&exported.robot, &exported.links),
         ExportTarget::IsaacLab => {
             let own = regen_codegen::spec::parse(&spec)?;
@@ -86,7 +94,10 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
                 written: written.clone(),
             })
         }
-        (Format::Human, Some(out)) => format!("wrote {out}, {values} values new\n"),
+        (Format::Human, Some(out)) if args.to == ExportTarget::Same => {
+            format!("wrote {out}, {values} values new\n")
+        }
+        (Format::Human, Some(out)) => format!("wrote {out}\n"),
         (Format::Human, None) => text,
     })
 }

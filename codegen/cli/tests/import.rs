@@ -238,6 +238,39 @@ fn parameters_are_written_back() {
         .ended(0)
         .json();
     assert_eq!(json["urdf"].as_str().unwrap(), new);
+    // beside the file: masses in a layer of USD, friction and the drive in a configuration of Isaac Lab
+    let run = regen(&dir, &[&args[..], &["--to", "usd"]].concat()).ended(0);
+    assert!(run.out.starts_with("#usda 1.0\n"), "{}", run.out);
+    for line in [
+        "    over \"forearm_link\" (",
+        "        float physics:mass = 2.5",
+        "        point3f physics:centerOfMass = (-0.2, 0, 0.01)",
+        "        float3 physics:diagonalInertia = (0.004, 0.03, 0.03)",
+        "        quatf physics:principalAxes = (1, 0, 0, 0)",
+    ] {
+        assert!(run.out.lines().any(|own| own == line), "{}", run.out);
+    }
+    assert!(
+        run.err.contains("--to isaac-lab writes them"),
+        "{}",
+        run.err
+    );
+    let run = regen(
+        &dir,
+        &[&args[..], &["--to", "isaac-lab", "--out", "cfg.py"]].concat(),
+    )
+    .ended(0);
+    assert_eq!(run.out, "wrote cfg.py\n");
+    assert!(run.err.contains("--to usd writes them"), "{}", run.err);
+    let python = fs::read_to_string(dir.join("cfg.py")).unwrap();
+    for line in [
+        "        joint_names_expr=[\"elbow_joint\"],",
+        "        armature={\"elbow_joint\": 0.1},",
+        "        viscous_friction={\"elbow_joint\": 1.5},",
+    ] {
+        assert!(python.lines().any(|own| own == line), "{python}");
+    }
+    assert!(!python.contains("dynamic_friction"), "{python}");
 }
 
 #[test]

@@ -70,6 +70,7 @@ const EVERYWHERE: &[(&str, &[&str], &str)] = &[
         &["urdf", "spec", "parameters"],
         "they are required",
     ),
+    ("export", &["to"], "each is another file"),
     (
         "new",
         &["from-dh"],

@@ -67,6 +67,10 @@ def test_identified_parameters_go_back_into_the_robot_file(tmp_path):
     assert 'value="3' in text and (tmp_path / "new.urdf").read_text() == text
     (tmp_path / "old.urdf").write_text(URDF)
     assert robot.export(parameters, tmp_path / "old.urdf") == text
+    assert robot.export(parameters, to="usd").startswith("#usda 1.0")
+    actuators = robot.export({"joints": {"turn": {"Fv": 1.5}}}, to="isaac-lab")
+    compile(actuators, "actuators.py", "exec")
+    assert 'viscous_friction={"turn": 1.5}' in actuators
     again = regen.Robot(tmp_path / "new.urdf")
     assert again.nominal[again.parameters.index("m(rod)")] == 3.0
     with pytest.raises(regen.InputError, match="robot file"):

@@ -6,7 +6,7 @@ import json
 import os
 import pathlib
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from . import _call
 from ._call import Progress
@@ -110,13 +110,15 @@ class Robot(Functions):
         file: Path | None = None,
         /,
         *,
+        to: Literal["same", "usd", "isaac-lab"] = "same",
         out: Path | None = None,
     ) -> str:
         """Identified physical parameters, written into a URDF, SDF or MJCF file; returns its text.
 
         ``parameters``: of ``identify(feasible=True)``, or a dict or a file as ``regen export`` reads
-        it. ``file``: the robot file, by default the one that this robot was read from. ``out``: where
-        the new text is also written.
+        it. ``file``: the robot file, by default the one that this robot was read from. ``to``: ``"usd"``
+        for a layer of USD with masses and inertias, ``"isaac-lab"`` for Isaac Lab's configuration of
+        actuators, in place of the robot file. ``out``: where the new text is also written.
         """
         texts: dict[str, str] = {}
         if file is None:
@@ -129,10 +131,11 @@ class Robot(Functions):
             "parameters": _file("parameters.json", parameters, texts),
             "urdf": file,
             "spec": self._path,
+            "to": to,
         }
         printed = _call.call("export", [], given, {**texts, self._path: self._text}, self._progress)
         found = _call.parsed(printed)
-        new = next(str(found[kind]) for kind in ("urdf", "sdf", "mjcf") if kind in found)
+        new = next(str(found[kind]) for kind in ("urdf", "sdf", "mjcf", "usd", "isaac_lab") if kind in found)
         if out is not None:
             pathlib.Path(out).write_text(new, encoding="utf-8")
         return new
