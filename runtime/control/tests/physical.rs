@@ -95,6 +95,7 @@ proptest! {
         prop_assert_eq!(found.status, Search::Reached);
         prop_assert!(found.gap <= tolerance && set.contains(&found.values));
         let tight = set.closest((&r, &z), &found.values, 100, 1e-3 * tolerance).unwrap();
+        // rounding may stop it before, with values that are better all the same; the squares are of the size of scale^2, and each of the 22 is rounded
         let (least_squares, rounding) = (squares(&tight.values), 1e-13 * scale * scale);
         prop_assert!(squares(&found.values) <= least_squares + found.gap + rounding);
         let residual: [f64; P] = std::array::from_fn(|i| {
@@ -114,6 +115,7 @@ proptest! {
         gap += gradient[20] * found.values[20];
         prop_assert!(gradient[21].abs() < 1e-4 * size, "{}", gradient[21]);
         let norm = fitted(&found.values).iter().map(|x| x * x).sum::<f64>().sqrt();
+        // the degree of the barrier: four for each of two bodies, one for the viscous friction
         let near = 0.25 * (tolerance / 9.0).sqrt() * norm;
         prop_assert!(gap < 2.0 * tolerance + near, "{gap:e}");
     }
