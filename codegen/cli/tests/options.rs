@@ -72,6 +72,11 @@ const EVERYWHERE: &[(&str, &[&str], &str)] = &[
     ),
     ("export", &["to"], "each is another file"),
     (
+        "simulate",
+        &["truth"],
+        "each simulated robot has true parameters",
+    ),
+    (
         "new",
         &["from-dh"],
         "it is one of two ways to say what is described, of which one is required",

@@ -171,6 +171,42 @@ bodies:
 }
 
 #[test]
+fn the_true_parameters_of_a_perturbed_robot_simulate_the_same_log() {
+    let dir = scratch("simulate_truth");
+    // friction that is linear and friction that is not
+    let text = fs::read_to_string(robot("fivebar.yaml")).unwrap();
+    assert!(!text.contains("friction:"));
+    let law = "friction: stribeck, nominal: {Fc: 0.3, Fs: 0.4, vs: 0.1, delta: 2, Fv: 0.2}, actuated: true";
+    let text = text.replacen("actuated: true", law, 1);
+    fs::write(dir.join("robot.yaml"), text).unwrap();
+    let args = ["simulate", "robot.yaml", "--duration", "0.2"];
+    let drawn = [
+        "--perturb",
+        "0.1",
+        "--truth",
+        "truth.yaml",
+        "--out",
+        "a.csv",
+    ];
+    regen(&dir, &[&args[..], &drawn].concat()).ended(0);
+    let truth = fs::read_to_string(dir.join("truth.yaml")).unwrap();
+    assert!(truth.contains("Fs(q1)"), "{truth}");
+    let again = [
+        "--parameters",
+        "truth.yaml",
+        "--truth",
+        "again.yaml",
+        "--out",
+        "b.csv",
+    ];
+    regen(&dir, &[&args[..], &again].concat()).ended(0);
+    assert_eq!(fs::read_to_string(dir.join("again.yaml")).unwrap(), truth);
+    // the controllers are tuned to the true parameters there
+    let start = |name: &str| columns(&dir.join(name))[0].1[0];
+    assert_eq!(start("a.csv"), start("b.csv"));
+}
+
+#[test]
 fn runs_differ_in_noise_and_the_same_seed_gives_the_same_files() {
     let dir = scratch("simulate_runs");
     let spec = robot("fivebar.yaml");

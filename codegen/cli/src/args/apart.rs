@@ -17,6 +17,7 @@ fn is_output(command: &str, argument: &str) -> bool {
     OUTPUTS.contains(&argument)
         || [
             ("simulate", "controller"),
+            ("simulate", "truth"),
             ("calibrate", "geometry"),
             ("calibrate", "simulate"),
         ]

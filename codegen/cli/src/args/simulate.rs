@@ -28,8 +28,8 @@ of those that the drive applies just before and just after. With --exact the log
 has the true positions, velocities and accelerations of all coordinates, without
 noise and encoder steps; the accelerations are those of the effort in their row.
 
-PARAMS is a JSON object of labels with values, which override the nominal ones,
-or a file of `regen identify --out`.
+PARAMS is an object of labels with values, JSON or YAML, which override the
+nominal ones, such as a file of --truth, or a file of `regen identify --out`.
 
 Examples:
   regen simulate robots/3rps.yaml --out log.csv
@@ -55,6 +55,10 @@ pub(crate) struct SimulateArgs {
     /// FILE ends in .yaml, else JSON
     #[arg(long, value_name = "FILE")]
     pub(crate) controller: Option<PathBuf>,
+    /// Write the true parameters here, as --parameters reads them: YAML if FILE
+    /// ends in .yaml, else JSON
+    #[arg(long, value_name = "FILE")]
+    pub(crate) truth: Option<PathBuf>,
     /// Log the true positions, velocities and accelerations of all coordinates
     #[arg(long)]
     pub(crate) exact: bool,

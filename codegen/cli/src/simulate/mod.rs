@@ -99,6 +99,14 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         // the file of a run that fails later does no harm
         write::atomically(file, &text)?;
     }
+    let truth = match &args.truth {
+        Some(file) => {
+            let text = Format::of(file).text(&parameters::truth(&info, &twin));
+            let text = text.map_err(|why| Failure::Input(format!("{}: {why}", file.display())))?;
+            Some((file.clone(), text))
+        }
+        None => None,
+    };
     let names = info.actuated.iter().zip(&settings.pid);
     let controllers = names
         .zip(&settings.offset)
@@ -153,6 +161,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         texts.push((file, found.csv(&info, &settings, settle, columns)));
     }
     bar.finish_and_clear();
+    texts.extend(truth);
     for (file, text) in &texts {
         write::atomically(file, text)?;
     }
