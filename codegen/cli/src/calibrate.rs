@@ -8,8 +8,8 @@ use regen_calibrate::{
 use regen_codegen::diag::Source;
 use regen_codegen::explain::lines::columns;
 use regen_codegen::pipeline::Mechanism;
-use regen_codegen::spec::edit::with_geometry;
-use regen_codegen::spec::nearest;
+use regen_codegen::spec::edit::{Spot, with_geometry, with_placements};
+use regen_codegen::spec::{nearest, parse};
 use regen_identify::data::{Assignment, Quantity, RawLog, Run, Settings, ValuesFrom};
 use regen_identify::experiment_file::{
     Calibration, ExperimentFile, MeasuredFrame, MeasuredKind, Purpose,
@@ -40,18 +40,12 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let robot = mechanism.robot(&[])?;
     let described = Described::new(mechanism.spec(), mechanism.model(), &robot);
     let (source, file) = experiment(&args.file, &mechanism)?;
-    let Some(plan) = &file.calibration else {
-        return Err(Failure::Input(format!(
-            "{}: it has no key `calibrate`, which says what is measured; `regen schema experiment` \
-             describes it",
-            args.file.display()
-        )));
-    };
+    let plan = stated_plan(&args.file, &file)?;
     let own = args.file.parent().unwrap_or(Path::new(""));
     let folder = args.folder.as_deref().unwrap_or(own);
     let runs = file.runs_in(folder, Purpose::Identify);
     let sensors = sensors(&source, plan, &described)?;
-    let geometry = geometry(args, plan, &described, &sensors)?;
+    let geometry = geometry(&args.unknown, plan, &described, &sensors)?;
     let logs = match &args.simulate {
         Some(_) => None,
         None => read(&runs, &file.settings, plan, &mechanism)?,
@@ -91,6 +85,7 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         let fit = problem.calibrate(confidence).map_err(failed)?;
         let mut found = Calibrated::of_fit(&robot.name, &problem, &fit, confidence);
         found.doubts.clone_from(&doubts);
+        found.set_exact(described.exact_factors(&problem, &fit.fixed));
         found
     } else {
         let unused = [
@@ -105,7 +100,9 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
             )));
         }
         let known = problem.known().map_err(failed)?;
-        Calibrated::of_known(&robot.name, &problem, &known, confidence)
+        let mut found = Calibrated::of_known(&robot.name, &problem, &known, confidence);
+        found.set_exact(described.exact_factors(&problem, &known.fixed));
+        found
     };
     if let Some(out) = &args.geometry {
         write_geometry(out, &spec, &mechanism, &geometry, &result)?;
@@ -131,21 +128,13 @@ fn simulate(
     let what = Simulation {
         poses: args.poses,
         errors: args.perturb,
-        noise: [5e-5, 1e-4],
+        noise: crate::choose::NOISE,
         seed: args.seed,
     };
     let simulated = problem.simulate(&what);
     let (truth, poses) = simulated.map_err(|error| Failure::Numeric(error.to_string()))?;
-    let mut titles: Vec<String> = Vec::new();
-    // what converts SI to the entries of each reading's column
-    let mut scales: Vec<(f64, f64)> = Vec::new();
-    for c in problem.measured {
-        let name = &problem.kinematics.coordinates[*c];
-        let quantity = Quantity::Position(name.clone());
-        let assigned = settings.columns.iter().find(|own| own.quantity == quantity);
-        titles.push(assigned.map_or(name.clone(), |own| own.column.clone()));
-        scales.push(assigned.map_or((1.0, 0.0), |own| (own.factor, own.offset)));
-    }
+    let readings = reading_columns(problem, settings);
+    let mut titles: Vec<String> = readings.iter().map(|own| own.0.clone()).collect();
     for measured in &plan.measured {
         titles.extend(measured.columns.iter().cloned());
         titles.extend(
@@ -157,9 +146,9 @@ fn simulate(
     }
     let mut text = titles.join(",") + "\n";
     for pose in &poses {
-        let readings = pose.readings.iter().zip(&scales);
-        let mut row: Vec<String> = readings
-            .map(|(x, (factor, offset))| format!("{:.9}", (x - offset) / factor))
+        let own = pose.readings.iter().zip(&readings);
+        let mut row: Vec<String> = own
+            .map(|(x, (_, factor, offset))| format!("{:.9}", (x - offset) / factor))
             .collect();
         for (measured, values) in plan.measured.iter().zip(&pose.values) {
             let Some(values) = values else { continue };
@@ -226,8 +215,41 @@ fn convention(word: &str) -> Convention {
     }
 }
 
+/// What the file says of a calibration.
+pub(crate) fn stated_plan<'f>(
+    path: &Path,
+    file: &'f ExperimentFile,
+) -> Result<&'f Calibration, Failure> {
+    file.calibration.as_ref().ok_or_else(|| {
+        Failure::Input(format!(
+            "{}: it has no key `calibrate`, which says what is measured; `regen schema experiment` \
+             describes it",
+            path.display()
+        ))
+    })
+}
+
+/// The columns of readings, each with its title and the factor and offset that convert it to SI.
+pub(crate) fn reading_columns(
+    problem: &Problem<'_>,
+    settings: &Settings,
+) -> Vec<(String, f64, f64)> {
+    let columns = problem.measured.iter().map(|c| {
+        let name = &problem.kinematics.coordinates[*c];
+        let quantity = Quantity::Position(name.clone());
+        let assigned = settings.columns.iter().find(|own| own.quantity == quantity);
+        assigned.map_or((name.clone(), 1.0, 0.0), |own| {
+            (own.column.clone(), own.factor, own.offset)
+        })
+    });
+    columns.collect()
+}
+
 /// Reads the experiment file.
-fn experiment(path: &Path, mechanism: &Mechanism) -> Result<(Source, ExperimentFile), Failure> {
+pub(crate) fn experiment(
+    path: &Path,
+    mechanism: &Mechanism,
+) -> Result<(Source, ExperimentFile), Failure> {
     let source = load::file(path)?;
     let model = mechanism.model();
     let coordinates: Vec<&str> = model.coordinates.iter().map(|c| c.name.as_str()).collect();
@@ -244,7 +266,7 @@ fn experiment(path: &Path, mechanism: &Mechanism) -> Result<(Source, ExperimentF
 }
 
 /// The sensors of a plan.
-fn sensors(
+pub(crate) fn sensors(
     source: &Source,
     plan: &Calibration,
     described: &Described,
@@ -311,16 +333,16 @@ fn word(kind: MeasuredKind) -> &'static str {
 }
 
 /// What is unknown: as the options say, else the file, else every error of a placement.
-fn geometry<'d>(
-    args: &CalibrateArgs,
+pub(crate) fn geometry<'d>(
+    unknown: &[String],
     plan: &Calibration,
     described: &'d Described,
     sensors: &[Sensor],
 ) -> Result<ChosenGeometry<'d>, Failure> {
-    let wanted = if args.unknown.is_empty() {
+    let wanted = if unknown.is_empty() {
         &plan.unknown
     } else {
-        &args.unknown
+        unknown
     };
     if wanted.is_empty() {
         let observed: Vec<usize> = sensors.iter().map(|sensor| sensor.frame).collect();
@@ -343,7 +365,7 @@ fn geometry<'d>(
 }
 
 /// The coordinates that are measured according to the columns, or the actuated ones.
-fn stated(settings: &Settings, mechanism: &Mechanism) -> Vec<usize> {
+pub(crate) fn stated(settings: &Settings, mechanism: &Mechanism) -> Vec<usize> {
     let model = mechanism.model();
     let names = settings
         .columns
@@ -569,7 +591,8 @@ fn place(log: &RawLog, name: &str, number: Option<usize>) -> Result<usize, Failu
     })
 }
 
-/// Writes the spec with the constants that were found.
+/// Writes the spec with the geometry that was found: constants by their names, errors of placements as
+/// fixed joints or in the placements of frames and cuts.
 fn write_geometry(
     out: &Path,
     source: &Source,
@@ -577,40 +600,52 @@ fn write_geometry(
     geometry: &ChosenGeometry<'_>,
     result: &Calibrated,
 ) -> Result<(), Failure> {
-    let unknowns = geometry.unknowns();
-    let constants: Vec<&str> = geometry.constants().map(|(_, name)| name).collect();
-    let found = result.estimates.iter();
-    let others: Vec<&str> = found
-        .clone()
-        .filter(|own| !constants.contains(&own.name.as_str()))
-        .map(|own| own.name.as_str())
-        .collect();
-    if !others.is_empty() || constants.is_empty() {
-        return Err(Failure::Usage(format!(
-            "--geometry writes names of `geometry`, and {} are errors of placements: give the names that \
-             are unknown with --unknown",
-            if others.is_empty() {
-                "the unknowns".to_owned()
-            } else {
-                others.join(", ")
-            }
-        )));
-    }
-    let texts: Vec<(&str, String)> = found
-        .filter_map(|own| {
-            Some((
-                unknowns.iter().find(|u| u.name == own.name)?.name.as_str(),
-                format!("{:?}", own.value?),
-            ))
+    let unknowns = geometry.unknowns().iter();
+    let values: Vec<f64> = unknowns
+        .map(|unknown| {
+            let mut found = result.estimates.iter();
+            let found = found.find(|own| own.name == unknown.name);
+            found.and_then(|own| own.value).unwrap_or(unknown.nominal)
         })
         .collect();
-    let values: Vec<(&str, &str)> = texts
+    let (placements, unheld) = geometry.placements(&values);
+    let constants = geometry.constants();
+    let constants: Vec<(&str, String)> = constants
+        .filter(|(_, name)| result.estimates.iter().any(|own| own.name == *name))
+        .map(|(k, name)| (name, format!("{:?}", values[k])))
+        .collect();
+    let lacking = "a description has no place for them; the errors of a body have one where a name in \
+                   `frames` is observed instead";
+    if placements.is_empty() && constants.is_empty() {
+        return Err(Failure::Usage(format!(
+            "--geometry has nothing to write: found are {}, and {lacking}",
+            unheld.join(", ")
+        )));
+    }
+    let pairs: Vec<(&str, &str)> = constants
         .iter()
         .map(|(name, text)| (*name, text.as_str()))
         .collect();
-    let text = with_geometry(&source.text, mechanism.spec(), &values)
+    let named = with_geometry(&source.text, mechanism.spec(), &pairs)
         .map_err(|name| Failure::Input(format!("'{name}' is not written in the spec itself")))?;
+    let named = Source::new(&source.name, named);
+    let spec = parse(&named)?;
+    let text = with_placements(&named.text, &spec, &placements).map_err(|spot| {
+        let place = match spot {
+            Spot::Before(joint) => format!("joint '{joint}'"),
+            Spot::Side(cut, _) => format!("cut {}", cut + 1),
+            Spot::Frame(name) => format!("frame '{name}'"),
+        };
+        Failure::Input(format!(
+            "{}: the errors of {place} cannot be written where it is: write it as an entry of its own",
+            source.name
+        ))
+    })?;
     write::atomically(out, &text)?;
     terminal::note(&format!("{}: written", out.display()));
+    if !unheld.is_empty() {
+        let text = unheld.join(", ");
+        terminal::note(&format!("note: not written are {text}: {lacking}"));
+    }
     Ok(())
 }

@@ -12,7 +12,7 @@ use regen_runtime::Info;
 
 use crate::args::{CriterionArg, ExciteArgs, Format};
 use crate::exit::Failure;
-use crate::{interrupt, load, observe, progress, table, terminal, write};
+use crate::{choose, interrupt, load, observe, progress, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The least pivot of A_e where none is given.
@@ -20,6 +20,9 @@ const MARGIN: f64 = 0.05;
 
 /// Runs the command.
 pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
+    if let (Some(poses), Some(file)) = (args.calibrate, &args.measure) {
+        return choose::run(args, poses, file, args.margin.unwrap_or(MARGIN));
+    }
     let robot = load::loaded_derived(&load::source(&args.file)?, args.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);

@@ -14,7 +14,7 @@ use regen_runtime::Info;
 
 use crate::args::{DelayArg, PayloadArg, ReadingArgs, require_unread};
 use crate::exit::Failure;
-use crate::{load, mistakes};
+use crate::{load, mistakes, terminal};
 
 /// The content of an experiment file that concerns the reading of logs.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,6 +131,12 @@ fn planned(
         }
     };
     let (file, mut loads, mut controlled) = read(&path, spec, is_plain)?;
+    if file.calibration.is_some() {
+        terminal::note(&format!(
+            "note: {}: `calibrate` is not used here; `regen calibrate` finds the geometry",
+            path.display()
+        ));
+    }
     if let Some(run) = file
         .runs
         .iter()

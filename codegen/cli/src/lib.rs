@@ -10,6 +10,7 @@ mod calibrate;
 pub mod call;
 mod check;
 mod choice;
+mod choose;
 mod closed;
 mod delay;
 mod equations;

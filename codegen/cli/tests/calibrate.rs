@@ -172,10 +172,118 @@ fn names_of_the_geometry_are_written_into_the_description_and_nothing_else_chang
         );
     }
     assert_eq!(restored, text);
-    // errors of placements have no place in the description yet
-    let words = "calibrate delta.yaml plan.yaml --unknown q1 --geometry new.yaml";
-    let run = regen(&dir, &words.split(' ').collect::<Vec<_>>()).ended(2);
-    assert!(run.err.contains("errors of placements"), "{}", run.err);
+}
+
+/// The rms before and after of a calibration, and what it changed.
+fn fitted(dir: &Path, words: &str) -> (Vec<[f64; 2]>, Value) {
+    let words: Vec<&str> = words.split(' ').collect();
+    let found = regen(dir, &words).ended(0).json();
+    let measured = found["measured"].as_array().unwrap().iter();
+    let of = |row: &Value, key: &str| row[key].as_f64().unwrap();
+    let rms = measured.map(|row| [of(row, "before"), of(row, "after")]);
+    (rms.collect(), found)
+}
+
+#[test]
+fn errors_of_placements_are_written_into_a_description_that_then_fits_as_it_is() {
+    let dir = scratch("calibrate_placements");
+    for (name, tip) in [("puma560", "6"), ("delta", "platform"), ("fivebar", "tip")] {
+        let text = fs::read_to_string(root().join(format!("robots/{name}.yaml"))).unwrap();
+        // a frame that holds the errors of what is observed
+        let on = if name == "fivebar" {
+            tip.to_owned()
+        } else {
+            format!("tool")
+        };
+        let text = if name == "fivebar" {
+            text
+        } else {
+            format!("{text}\nframes:\n  - {{name: tool, body: {tip}, xyz: [0.01, 0, 1/10]}}\n")
+        };
+        fs::write(dir.join("robot.yaml"), &text).unwrap();
+        let plan = format!(
+            "calibrate:\n  noise: 0\n  measure:\n    - {{pose: {on}, position: [x, y, z], \
+             rotation: {{rpy: [a, b, c]}}, instrument: known}}\n"
+        );
+        fs::write(dir.join("plan.yaml"), &plan).unwrap();
+        let words = "calibrate robot.yaml plan.yaml --simulate poses.csv --poses 60 --perturb 2e-3";
+        regen(&dir, &words.split(' ').collect::<Vec<_>>()).ended(0);
+        fs::write(
+            dir.join("plan.yaml"),
+            plan + "runs:\n  - {files: [poses.csv]}\n",
+        )
+        .unwrap();
+        let words = "calibrate robot.yaml plan.yaml --format json --geometry new.yaml";
+        let (first, _) = fitted(&dir, words);
+        let (then, _) = fitted(&dir, "calibrate new.yaml plan.yaml --format json");
+        for ([before, after], [again, _]) in first.iter().zip(&then) {
+            assert!(*before > 5.0 * after, "{name}: {before} {after}");
+            // what was found is the description now: nothing of the residuals is left to it
+            assert!(
+                (again / after - 1.0).abs() < 1e-3,
+                "{name}: {again} {after}"
+            );
+        }
+        // every line of the description but those of changed placements stays
+        let written = fs::read_to_string(dir.join("new.yaml")).unwrap();
+        let kept = |line: &&str| line.trim_start().starts_with('#') || line.is_empty();
+        let lines: Vec<&str> = text.lines().filter(kept).collect();
+        let others: Vec<&str> = written.lines().filter(kept).collect();
+        assert_eq!(lines, others, "{name}");
+    }
+}
+
+#[test]
+fn scales_of_encoders_are_found_where_they_are_named_and_what_cannot_be_written_is_said() {
+    let (dir, rows) = prepared("calibrate_scales");
+    let mut rows = rows;
+    for row in &mut rows {
+        // the reading times the scale is the angle
+        row[2] /= 1.004;
+    }
+    let plan = PLAN.replace(
+        "calibrate:\n",
+        "calibrate:\n  unknown: [q2, q3, q3.scale]\n",
+    );
+    let found = run(&dir, &plan, &rows).ended(0).json();
+    let estimates = found["estimates"].as_array().unwrap();
+    let scale = estimates
+        .iter()
+        .find(|own| own["name"] == "q3.scale")
+        .unwrap();
+    let [value, sigma] = ["value", "sigma"].map(|key| scale[key].as_f64().unwrap());
+    // the other joints have errors here too, which are not unknown
+    assert!((value - 1.004).abs() < 2e-3 && sigma < 1e-3, "{scale}");
+    let words = "calibrate arm.yaml plan.yaml --geometry new.yaml";
+    let written = regen(&dir, &words.split(' ').collect::<Vec<_>>()).ended(0);
+    assert!(
+        written.err.contains("not written are q3.scale"),
+        "{}",
+        written.err
+    );
+    let words = "calibrate arm.yaml plan.yaml --geometry none.yaml --unknown q3.scale";
+    let refused = regen(&dir, &words.split(' ').collect::<Vec<_>>()).ended(2);
+    assert!(refused.err.contains("nothing to write"), "{}", refused.err);
+    assert!(!dir.join("none.yaml").exists());
+}
+
+#[test]
+fn factors_of_combinations_are_expressions_in_lengths_where_they_are_structural() {
+    let (dir, _) = prepared("calibrate_exact");
+    let table = regen(&dir, &["calibrate", "arm.yaml", "plan.yaml"])
+        .ended(0)
+        .out;
+    let combination = table
+        .lines()
+        .find(|line| line.starts_with("  q2.theta +"))
+        .unwrap();
+    // Hayati's shift of an axis parallel to the one before is a turn over the link's length
+    assert!(combination.contains("+ q3.b/a2"), "{table}");
+    let combination = table
+        .lines()
+        .find(|line| line.starts_with("  q2.d +"))
+        .unwrap();
+    assert!(combination.contains("- a3 q4.beta"), "{table}");
 }
 
 #[test]
@@ -216,4 +324,81 @@ fn what_is_wrong_in_a_plan_is_told_with_its_place() {
     fs::write(dir.join("plan.yaml"), "runs: [{files: [poses.csv]}]\n").unwrap();
     let run = regen(&dir, &["calibrate", "arm.yaml", "plan.yaml"]).ended(3);
     assert!(run.err.contains("no key `calibrate`"), "{}", run.err);
+}
+
+#[test]
+fn poses_are_chosen_in_the_columns_and_units_of_the_plan_and_fit_as_well_as_is_said() {
+    let (dir, _) = prepared("calibrate_poses");
+    let words = "excite arm.yaml --calibrate 20 --measure plan.yaml --out chosen.csv --format json";
+    let words: Vec<&str> = words.split(' ').collect();
+    let found = regen(&dir, &words).ended(0).json();
+    let text = fs::read_to_string(dir.join("chosen.csv")).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("j1,j2,j3,j4,j5,j6"));
+    let rows: Vec<Vec<f64>> = lines
+        .map(|row| row.split(',').map(|x| x.parse().unwrap()).collect())
+        .collect();
+    assert_eq!(rows.len(), 20);
+    // degrees, within the limits of the spec
+    for (k, [low, high]) in [[-160.0, 160.0], [-225.0, 45.0], [-45.0, 225.0]]
+        .into_iter()
+        .enumerate()
+    {
+        let column = rows.iter().map(|row| row[k]);
+        let [least, most] = [f64::min, f64::max].map(|of| column.clone().reduce(of).unwrap());
+        assert!(
+            low <= least && most <= high && most - least > 90.0,
+            "{least} {most}"
+        );
+    }
+    let choice = &found["choice"];
+    for index in choice["indices"].as_array().unwrap() {
+        let of = |key: &str| index[key].as_f64().unwrap();
+        // others than the determinant follow it, but are not what is chosen by
+        let is_sought = ["O1", "log det"].contains(&index["name"].as_str().unwrap());
+        assert!(!is_sought || of("chosen") > of("random"), "{index}");
+    }
+    let sigmas = found["estimates"].as_array().unwrap().iter();
+    let sigmas: Vec<f64> = sigmas.map(|own| own["sigma"].as_f64().unwrap()).collect();
+    let random = choice["random_sigmas"].as_array().unwrap().iter();
+    let random: Vec<f64> = random.map(|own| own.as_f64().unwrap()).collect();
+    let worst = |all: &[f64]| all.iter().copied().fold(0.0, f64::max);
+    assert!(worst(&sigmas) < worst(&random), "{sigmas:?} {random:?}");
+    // the table has the same numbers
+    let table = regen(&dir, &words[..6]).ended(0);
+    assert!(
+        table.out.contains("puma560, 20 poses of 240"),
+        "{}",
+        table.out
+    );
+    // limits are kept, and such that leave too few poses are told
+    let some = [
+        &words[..6],
+        &["--limit", "q1.position=0.1,0.2", "--format", "json"],
+    ]
+    .concat();
+    let narrow = regen(&dir, &some).ended(0).json();
+    assert_eq!(narrow["estimates"].as_array().unwrap().len(), sigmas.len());
+    let text = fs::read_to_string(dir.join("chosen.csv")).unwrap();
+    assert_eq!(text.lines().count(), 21, "an output that was not asked for");
+    let none = [&words[..3], &["2", "--measure", "plan.yaml"]].concat();
+    let run = regen(&dir, &none).ended(3);
+    assert!(run.err.contains("do not suffice"), "{}", run.err);
+}
+
+#[test]
+fn other_commands_say_that_they_do_not_calibrate() {
+    let dir = scratch("calibrate_unused");
+    let guide = root().join("runtime/guide/fivebar");
+    for name in ["fivebar.yaml", "run1.csv"] {
+        fs::copy(guide.join(name), dir.join(name)).unwrap();
+    }
+    let plan = "calibrate: {noise: 1e-5}\nruns: [{files: [run1.csv]}]\n";
+    fs::write(dir.join("plan.yaml"), plan).unwrap();
+    let run = regen(&dir, &["inspect", "plan.yaml", "--spec", "fivebar.yaml"]).ended(0);
+    assert!(
+        run.err.contains("`calibrate` is not used here"),
+        "{}",
+        run.err
+    );
 }

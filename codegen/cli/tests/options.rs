@@ -182,7 +182,13 @@ const REFUSED: &[(&str, &[&str])] = &[
             "limit q9.velocity=-1,1",
             "limit q2.effort=-1,1",
             "cone s1=1",
+            "calibrate 5",
+            "measure known.yaml",
         ],
+    ),
+    (
+        "excite fivebar.yaml --calibrate 5 --measure known.yaml {}",
+        &["harmonics 3", "limit q2.velocity=-1,1", "starts 2"],
     ),
     (
         "excite one.yaml {}",

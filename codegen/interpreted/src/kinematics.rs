@@ -1,12 +1,13 @@
 //! A mechanism and its geometry for calibration: placements as chains of turns and shifts, whose
 //! amounts are expressions in the names of `geometry` and errors that a calibration finds.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 use regen_calibrate::{
     Amount, Axis, Chain, Coupling, Cut, Geometry, Kinematics, Row, Step, Unit, Unknown,
 };
 use regen_codegen::model::{self, Model, MotionKind, Side};
 use regen_codegen::robot::Robot;
+use regen_codegen::spec::edit::{PlacedFrame, Spot};
 use regen_codegen::spec::{self, CutKind, CutRow, Expr, Function, JointFrame, Spec};
 
 /// Everything of a mechanism's geometry that can be unknown.
@@ -15,19 +16,44 @@ pub struct Described {
     /// The mechanism. Its frames are the named ones, then those of the bodies by their labels.
     pub kinematics: Kinematics,
     /// The constants of `geometry` in their order.
-    names: Vec<(String, Expr)>,
+    pub(crate) names: Vec<(String, Expr)>,
     /// The expression of each scalar.
-    scalars: Vec<Expr>,
+    pub(crate) scalars: Vec<Expr>,
     /// Errors that can be added to scalars, in the order in which they are preferred.
-    errors: Vec<PlacementError>,
+    pub(crate) errors: Vec<PlacementError>,
+    /// The scales of the coordinates, which are unknown only where they are named.
+    scales: Vec<PlacementError>,
+    /// The placements that errors belong to.
+    owners: Vec<Owner>,
+}
+
+/// A placement with errors.
+#[derive(Clone, Debug)]
+struct Owner {
+    name: String,
+    holder: Holder,
+    chain: Chain,
+}
+
+/// Where a description holds the errors of a placement.
+#[derive(Clone, Copy, Debug)]
+enum Holder {
+    /// Before the joint of this name.
+    Joint,
+    /// At side A or B of the cut with this index.
+    Side(usize, usize),
+    /// At the named frame.
+    Frame,
+    /// Nowhere: the frame of a body is that of its joint.
+    Body,
 }
 
 /// An error of one elementary motion of a placement.
 #[derive(Clone, Debug)]
-struct PlacementError {
-    name: String,
-    unit: Unit,
-    scalar: usize,
+pub(crate) struct PlacementError {
+    pub(crate) name: String,
+    pub(crate) unit: Unit,
+    pub(crate) scalar: usize,
     /// The frame at whose placement it is, for those of frames.
     frame: Option<usize>,
 }
@@ -51,8 +77,8 @@ enum Chosen {
 
 /// A value with its derivatives by the unknowns.
 #[derive(Clone, Debug)]
-struct Sloped {
-    value: f64,
+pub(crate) struct Sloped {
+    pub(crate) value: f64,
     slope: DVector<f64>,
 }
 
@@ -78,6 +104,7 @@ fn row(row: CutRow, lead: f64) -> Row {
 struct Builder {
     scalars: Vec<Expr>,
     errors: Vec<PlacementError>,
+    owners: Vec<Owner>,
 }
 
 impl Builder {
@@ -160,11 +187,25 @@ impl Builder {
         steps
     }
 
-    fn side(&mut self, side: &Side, owner: &str) -> Chain {
+    fn side(&mut self, side: &Side, owner: &str, holder: Holder) -> Chain {
+        let steps = self.placed(&side.placement, owner, None);
+        self.own(owner, holder, &steps);
         Chain {
             parent: side.link,
-            steps: self.placed(&side.placement, owner, None),
+            steps,
         }
+    }
+
+    /// Notes what a placement's errors belong to.
+    fn own(&mut self, name: &str, holder: Holder, steps: &[Step]) {
+        self.owners.push(Owner {
+            name: name.to_owned(),
+            holder,
+            chain: Chain {
+                parent: None,
+                steps: steps.to_vec(),
+            },
+        });
     }
 }
 
@@ -182,11 +223,15 @@ impl Described {
                 match coordinate.and_then(|c| Some((c, joints.get(c)?))) {
                     Some((c, joint)) => {
                         let name = owner(&model.coordinates[c].name);
-                        if matches!(joint.frame, JointFrame::Dh { .. }) {
-                            builder.placed_by_row(&link.placement, name)
+                        let (steps, own) = if matches!(joint.frame, JointFrame::Dh { .. }) {
+                            (builder.placed_by_row(&link.placement, name), 4)
                         } else {
-                            builder.placed(&link.placement, name, None)
-                        }
+                            (builder.placed(&link.placement, name, None), 6)
+                        };
+                        // what is before the joint's own frame is the limb's base and fixed joints
+                        let before = link.placement.len().saturating_sub(own);
+                        builder.own(name, Holder::Joint, &steps[before..]);
+                        steps
                     }
                     // what is fixed to it has errors of its own
                     None => link
@@ -215,30 +260,36 @@ impl Described {
                 steps,
             });
         }
-        let cuts = model.cuts.iter().map(|cut| {
+        let cuts = model.cuts.iter().enumerate().map(|(k, cut)| {
             let lead = cut.lead.as_ref().map_or(0.0, |lead| lead.value.to_f64());
             let kind: CutKind = cut.kind;
             let sides = ["a", "b"].map(|side| format!("{}.{side}", cut.name));
             Cut {
                 rows: kind.rows().iter().map(|r| row(*r, lead)).collect(),
                 sides: [
-                    builder.side(&cut.sides[0], &sides[0]),
-                    builder.side(&cut.sides[1], &sides[1]),
+                    builder.side(&cut.sides[0], &sides[0], Holder::Side(k, 0)),
+                    builder.side(&cut.sides[1], &sides[1], Holder::Side(k, 1)),
                 ],
             }
         });
         let cuts = cuts.collect();
         let named = model.frames.iter().map(|frame| {
             let side = &frame.side;
-            (frame.name.clone(), side.link, side.placement.clone())
+            let placement = side.placement.clone();
+            (frame.name.clone(), side.link, placement, Holder::Frame)
         });
-        let bodies = model
-            .bodies
-            .iter()
-            .map(|body| (body.label.clone(), Some(body.link), Vec::new()));
+        let bodies = model.bodies.iter().map(|body| {
+            (
+                body.label.clone(),
+                Some(body.link),
+                Vec::new(),
+                Holder::Body,
+            )
+        });
         let frames = named.chain(bodies).enumerate();
-        let frames = frames.map(|(k, (name, parent, placement))| {
+        let frames = frames.map(|(k, (name, parent, placement, holder))| {
             let steps = builder.placed(&placement, &name, Some(k));
+            builder.own(&name, holder, &steps);
             (name, Chain { parent, steps })
         });
         let frames = frames.collect();
@@ -252,6 +303,20 @@ impl Described {
                 .collect(),
         });
         let geometry = spec.geometry.iter();
+        let one = regen_codegen::sym::Number::one();
+        let scales: Vec<PlacementError> = model
+            .coordinates
+            .iter()
+            .map(|coordinate| {
+                builder.scalars.push(Expr::Number(one.clone()));
+                PlacementError {
+                    name: format!("{}.scale", coordinate.name),
+                    unit: Unit::Plain,
+                    scalar: builder.scalars.len() - 1,
+                    frame: None,
+                }
+            })
+            .collect();
         Self {
             kinematics: Kinematics {
                 coordinates: robot.coordinates.clone(),
@@ -261,6 +326,7 @@ impl Described {
                 couplings: couplings.collect(),
                 frames,
                 home: robot.home.clone(),
+                scales: scales.iter().map(|own| Some(own.scalar)).collect(),
                 limits: model.coordinates.iter().map(|c| c.position).collect(),
                 gravity: robot.gravity,
             },
@@ -269,15 +335,18 @@ impl Described {
                 .collect(),
             scalars: builder.scalars,
             errors: builder.errors,
+            scales,
+            owners: builder.owners,
         }
     }
 
     /// The names of everything that can be unknown: the constants of `geometry` that are no
-    /// expressions of others, then errors of placements.
+    /// expressions of others, then errors of placements, then the scales of coordinates.
     pub fn names(&self) -> Vec<&str> {
         let free = self.names.iter().filter(|(_, expr)| is_free(expr));
         let free = free.map(|(name, _)| name.as_str());
-        free.chain(self.errors.iter().map(|error| error.name.as_str()))
+        let errors = self.errors.iter().chain(&self.scales);
+        free.chain(errors.map(|error| error.name.as_str()))
             .collect()
     }
 
@@ -290,7 +359,7 @@ impl Described {
     }
 
     /// The geometry with these unknowns: names of [`names`](Described::names), or what such names
-    /// begin with before a dot, such as `q3` or `tool`, for all of them.
+    /// begin with before a dot, such as `q3` or `tool`, for all of them but scales.
     ///
     /// # Errors
     /// The first name that is none.
@@ -312,6 +381,8 @@ impl Described {
                     out.push(self.error(error));
                 }
             }
+            let scale = self.scales.iter().find(|own| own.name == *name);
+            out.extend(scale.map(|own| self.error(own)));
             if out.len() == before {
                 return Err(name);
             }
@@ -404,7 +475,7 @@ impl Described {
     }
 
     /// An expression in the constants before it, with derivatives by `width` unknowns.
-    fn evaluate(&self, expr: &Expr, names: &[Sloped], width: usize) -> Sloped {
+    pub(crate) fn evaluate(&self, expr: &Expr, names: &[Sloped], width: usize) -> Sloped {
         let constant = |value: f64| Sloped {
             value,
             slope: DVector::zeros(width),
@@ -463,7 +534,7 @@ fn owner(coordinate: &str) -> &str {
         .map_or(coordinate, |(joint, _)| joint)
 }
 
-fn is_free(expr: &Expr) -> bool {
+pub(crate) fn is_free(expr: &Expr) -> bool {
     match expr {
         Expr::Number(_) | Expr::Pi => true,
         Expr::Name(_) => false,
@@ -508,7 +579,69 @@ impl Sloped {
     }
 }
 
+/// The chain of a placement at scalars, as x, y, z and roll, pitch, yaw with R = Rz(y) Ry(p) Rx(r).
+fn pose(axes: Matrix3<f64>, point: Vector3<f64>) -> [f64; 6] {
+    let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(axes).euler_angles();
+    // rounding errors of what is zero
+    [point.x, point.y, point.z, roll, pitch, yaw].map(|x| if x.abs() < 1e-15 { 0.0 } else { x })
+}
+
 impl ChosenGeometry<'_> {
+    /// The placements whose errors are not zero at values of the unknowns, as a description holds them.
+    ///
+    /// Returned with the names of unknowns that it cannot hold.
+    pub fn placements(&self, values: &[f64]) -> (Vec<PlacedFrame>, Vec<&str>) {
+        let described = self.described;
+        let mut without = values.to_vec();
+        let mut unheld = Vec::new();
+        for (k, kind) in self.kinds.iter().enumerate() {
+            let (Chosen::Error(scalar), unknown) = (kind, &self.unknowns[k]) else {
+                continue;
+            };
+            let is_changed = values.get(k).is_some_and(|value| *value != unknown.nominal);
+            let of_body = described
+                .owners
+                .iter()
+                .filter(|own| matches!(own.holder, Holder::Body));
+            let mut steps = of_body.flat_map(|own| &own.chain.steps);
+            let is_unheld = described.scales.iter().any(|own| own.scalar == *scalar)
+                || steps.any(|step| step.amount == Amount::Scalar(*scalar));
+            if is_changed && is_unheld {
+                unheld.push(unknown.name.as_str());
+            }
+            if let Some(own) = without.get_mut(k) {
+                *own = unknown.nominal;
+            }
+        }
+        let [own, other] = [values, &without].map(|values| {
+            let all = self.evaluated(values);
+            all.iter().map(|scalar| scalar.value).collect::<Vec<f64>>()
+        });
+        let mut out = Vec::new();
+        for owner in &described.owners {
+            let along = |scalars| described.kinematics.along(&[], &owner.chain, scalars, &[]);
+            let (new, old) = (along(&own), along(&other));
+            if new.axes == old.axes && new.point == old.point {
+                continue;
+            }
+            let spot = match owner.holder {
+                Holder::Joint => Spot::Before(owner.name.clone()),
+                Holder::Side(cut, side) => Spot::Side(cut, side),
+                Holder::Frame => Spot::Frame(owner.name.clone()),
+                Holder::Body => continue,
+            };
+            let at = if matches!(owner.holder, Holder::Joint) {
+                // what comes before the frame and leads to the new one
+                let axes = new.axes * old.axes.transpose();
+                pose(axes, new.point - axes * old.point)
+            } else {
+                pose(new.axes, new.point)
+            };
+            out.push(PlacedFrame { spot, at });
+        }
+        (out, unheld)
+    }
+
     fn evaluated(&self, values: &[f64]) -> Vec<Sloped> {
         let width = self.kinds.len();
         let names = self.described.values_of_names(&self.kinds, values);

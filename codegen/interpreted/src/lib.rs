@@ -21,6 +21,7 @@
 
 mod block;
 mod eval;
+mod exact;
 mod kinematics;
 mod machine;
 mod schedule;

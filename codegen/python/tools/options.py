@@ -29,6 +29,7 @@ COMMANDS = {
 }
 #: Options that are parameters of the methods.
 NAMED = {
+    "excite": {"calibrate", "measure"},
     "simulate": {"trajectory", "parameters"},
     "rehearse": {"trajectory", "parameters"},
 }

@@ -243,6 +243,159 @@ pub fn with_geometry<'n>(
     Ok(changed(text, changes))
 }
 
+/// Where a spec holds a placement.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Spot {
+    /// Before the joint of this name, as a fixed joint of its own.
+    Before(String),
+    /// At side A (0) or B (1) of the cut with this index.
+    Side(usize, usize),
+    /// At the named frame.
+    Frame(String),
+}
+
+/// A placement to be written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlacedFrame {
+    /// Where.
+    pub spot: Spot,
+    /// x, y, z, m, then roll, pitch, yaw, rad: R = Rz(y) Ry(p) Rx(r).
+    pub at: [f64; 6],
+}
+
+/// Returns a spec's text with other placements: a fixed joint is inserted before a joint, and those of
+/// frames and of sides of cuts are replaced.
+///
+/// # Errors
+/// The first place that is not found in the text.
+///
+/// ```
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::spec::edit::{PlacedFrame, Spot, with_placements};
+/// use regen_codegen::spec::parse;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// frames:
+///   - {name: tip, body: link, xyz: [1/2, 0, 0]}
+/// ";
+/// let spec = parse(&Source::new("arm.yaml", text))?;
+/// let at = [0.0, 0.001, 0.0, 0.0, 0.0, 0.002];
+/// let before = PlacedFrame { spot: Spot::Before("q1".to_owned()), at };
+/// let tip = PlacedFrame { spot: Spot::Frame("tip".to_owned()), at };
+/// let text = with_placements(text, &spec, &[before, tip]).unwrap_or_default();
+/// assert!(text.contains("- {type: fixed, origin: {xyz: [0.0, 0.001, 0.0], rpy: [0.0, 0.0, 0.002]}}"));
+/// assert!(text.contains("body: link, rpy: [0.0, 0.0, 0.002], xyz: [0.0, 0.001, 0.0]}"));
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
+pub fn with_placements(
+    text: &str,
+    spec: &Spec,
+    placements: &[PlacedFrame],
+) -> Result<String, Spot> {
+    let mut changes = Vec::new();
+    for PlacedFrame { spot, at } in placements {
+        let side = match spot {
+            Spot::Before(name) => {
+                let joints = spec.limbs.iter().flat_map(|limb| &limb.joints);
+                let mut names = joints.filter_map(|joint| joint.name.as_ref());
+                let joint = names.find(|own| own.value == *name);
+                let change = joint.and_then(|own| fixed_joint(text, own.span.start, name, at));
+                changes.push(change.ok_or_else(|| spot.clone())?);
+                continue;
+            }
+            Spot::Side(cut, side) => spec.cuts.get(*cut).and_then(|own| own.sides.get(*side)),
+            Spot::Frame(name) => {
+                let mut frames = spec.frames.iter();
+                frames
+                    .find(|own| own.name.value == *name)
+                    .map(|own| &own.on)
+            }
+        };
+        let side = side.ok_or_else(|| spot.clone())?;
+        let (xyz, rpy) = (&side.placement.xyz, &side.placement.rpy);
+        let mut missing = Vec::new();
+        for (key, old, new) in [("xyz", xyz, &at[..3]), ("rpy", rpy, &at[3..])] {
+            if old
+                .windows(2)
+                .all(|pair| pair[0].span.end < pair[1].span.start)
+            {
+                let new = old.iter().zip(new).map(|(old, new)| Change {
+                    span: old.span,
+                    text: number(*new),
+                });
+                changes.extend(new);
+            } else if new.iter().any(|x| *x != 0.0) {
+                missing.push(format!("{key}: [{}]", numbers(new)));
+            }
+        }
+        if !missing.is_empty() {
+            let body = side.body.as_ref().ok_or_else(|| spot.clone())?;
+            let separator = separator(text, &body.span);
+            let end = behind_quote(text, body.span.end);
+            let keys = missing.iter().map(|own| format!("{separator}{own}"));
+            changes.push(Change {
+                span: Span::new(end, end),
+                text: keys.collect(),
+            });
+        }
+    }
+    Ok(changed(text, changes))
+}
+
+fn numbers(values: &[f64]) -> String {
+    let texts: Vec<String> = values.iter().map(|x| number(*x)).collect();
+    texts.join(", ")
+}
+
+/// A fixed joint before the joint whose name is at this byte.
+fn fixed_joint(text: &str, name_at: usize, name: &str, at: &[f64; 6]) -> Option<Change> {
+    let (xyz, rpy) = (numbers(&at[..3]), numbers(&at[3..]));
+    let joint = format!("{{type: fixed, origin: {{xyz: [{xyz}], rpy: [{rpy}]}}}}");
+    let before = text.get(..name_at)?;
+    let mut line = before.rfind('\n').map_or(0, |k| k + 1);
+    // the bracket that holds the name, if it is one of this line
+    let mut depth = 0;
+    let brace = before.get(line..)?.char_indices().rev().find(|(_, c)| {
+        match c {
+            '}' | ']' => depth += 1,
+            '{' | '[' if depth > 0 => depth -= 1,
+            '{' | '[' => return true,
+            _ => {}
+        }
+        false
+    });
+    if let Some((column, '{')) = brace {
+        let brace = line + column;
+        let dash = before.get(line..brace)?;
+        if dash.trim() != "-" {
+            return Some(Change {
+                span: Span::new(brace, brace),
+                text: format!("{joint}, "),
+            });
+        }
+    } else {
+        // an entry in block style begins at a dash, in this line or above
+        let is_own = |line: &str| line.trim_start().starts_with("- ");
+        while !is_own(text.get(line..)?.lines().next()?) {
+            line = text
+                .get(..line.checked_sub(1)?)?
+                .rfind('\n')
+                .map_or(0, |k| k + 1);
+        }
+    }
+    let indent = text.get(line..)?.find('-')?;
+    let start = line + indent;
+    Some(Change {
+        span: Span::new(start, start),
+        text: format!("- {joint} # errors of {name}\n{:indent$}", ""),
+    })
+}
+
 /// Returns a spec's text with the top-level key `bodies` replaced by this block; without the key,
 /// the block is added at the end.
 ///

@@ -74,10 +74,11 @@ impl Kinematics {
             by_coordinate: DMatrix::zeros(rows, self.coordinates.len()),
             by_scalar: DMatrix::zeros(rows, slopes),
         };
-        let links = self.links(scalars, q);
+        let links = self.links_by(scalars, q, slopes > 0);
         let mut at = 0;
         for cut in &self.cuts {
-            let [a, b] = [0, 1].map(|k| self.along(&links, &cut.sides[k], scalars, q));
+            let [a, b] =
+                [0, 1].map(|k| self.along_by(&links, &cut.sides[k], (scalars, q), slopes > 0));
             for equation in &cut.rows {
                 let (residual, linear, angular) = row(*equation, [&a, &b]);
                 out.residual[at] = residual;
@@ -103,13 +104,16 @@ impl Kinematics {
             }
         }
         for coupling in &self.couplings {
-            let of = |c: usize| q.get(c).copied().unwrap_or(0.0);
-            let terms = coupling.terms.iter();
-            let sum: f64 = terms.map(|(c, factor)| factor * of(*c)).sum();
-            out.residual[at] = of(coupling.key) - coupling.constant - sum;
-            out.by_coordinate[(at, coupling.key)] += 1.0;
-            for (c, factor) in &coupling.terms {
-                out.by_coordinate[(at, *c)] -= factor;
+            out.residual[at] = -coupling.constant;
+            let terms = coupling.terms.iter().map(|(c, factor)| (*c, -factor));
+            for (c, factor) in terms.chain([(coupling.key, 1.0)]) {
+                let own = q.get(c).copied().unwrap_or(0.0);
+                let (scale, place) = self.scale(scalars, c);
+                out.residual[at] += factor * scale * own;
+                out.by_coordinate[(at, c)] += factor * scale;
+                if let Some(place) = place.filter(|place| *place < slopes) {
+                    out.by_scalar[(at, place)] += factor * own;
+                }
             }
             at += 1;
         }

@@ -203,7 +203,8 @@ impl Problem<'_> {
                 }
             }
         }
-        let frames = kinematics.frames(scalars, q);
+        let is_seen = |frame: usize| sensors.iter().any(|sensor| sensor.frame == frame);
+        let frames = kinematics.frames_of(scalars, q, is_seen);
         let freedoms = self.freedoms();
         let mut residual = Vec::new();
         let mut slopes: Vec<DMatrix<f64>> = Vec::new();

@@ -121,6 +121,13 @@ pub enum CalibrateError {
         /// The numbers that are sought.
         sought: usize,
     },
+    /// Fewer poses than wanted are within the limits and off singularities: how many of each.
+    TooFewPoses {
+        /// The poses that were found.
+        found: usize,
+        /// The poses that were wanted.
+        wanted: usize,
+    },
     /// Nothing of the geometry changes what is measured.
     NothingToFind,
     /// The geometry has no finite values, or no state of it closes.
@@ -141,6 +148,10 @@ impl core::fmt::Display for CalibrateError {
                 f,
                 "{numbers} measured numbers do not suffice for {sought} unknown ones: measure more \
                  poses, or state fewer unknowns"
+            ),
+            Self::TooFewPoses { found, wanted } => write!(
+                f,
+                "only {found} poses are found of {wanted}: widen the limits of positions"
             ),
             Self::NothingToFind => {
                 f.write_str("nothing of the unknown geometry changes what is measured")
@@ -272,15 +283,8 @@ impl Problem<'_> {
                 sought: columns.len(),
             });
         }
-        let prior = match self.tolerance {
-            None => DMatrix::zeros(0, 0),
-            Some(tolerance) => {
-                let combined = structure.combinations(&chosen, freedoms) * tolerance;
-                let covariance = &combined * combined.transpose();
-                let inverse = covariance.cholesky().map(|factor| factor.inverse());
-                inverse.ok_or(CalibrateError::NotClosed)?
-            }
-        };
+        let prior = self.prior(&structure, &chosen)?;
+        let prior = prior.unwrap_or_else(|| DMatrix::zeros(0, 0));
         // the nominal geometry with instruments where it fits best
         let placing: Vec<usize> = columns.iter().copied().filter(|c| *c < freedoms).collect();
         if !placing.is_empty() {

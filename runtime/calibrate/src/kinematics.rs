@@ -116,6 +116,9 @@ pub struct Kinematics {
     pub frames: Vec<(String, Chain)>,
     /// A closed state from which the loops of others are closed, rad or m.
     pub home: Vec<f64>,
+    /// The scalar that multiplies each coordinate: the scale of its encoder or the error of its gear, 1 as
+    /// described. Coordinates are then readings; without an entry they are multiplied by nothing.
+    pub scales: Vec<Option<usize>>,
     /// The limits of each coordinate, where there are any.
     pub limits: Vec<Option<[f64; 2]>>,
     /// Gravity in the world, m/s^2.
@@ -185,21 +188,43 @@ impl View {
         }
     }
 
-    fn follow(&mut self, steps: &[Step], scalars: &[f64], q: &[f64]) {
+    /// Follows motions; those of scalars are noted only where derivatives by them are asked for.
+    fn follow(
+        &mut self,
+        steps: &[Step],
+        (kinematics, by_scalars): (&Kinematics, bool),
+        scalars: &[f64],
+        q: &[f64],
+    ) {
         for step in steps {
-            let (value, factor) = match step.amount {
-                Amount::Scalar(k) => (scalars.get(k).copied().unwrap_or(0.0), 1.0),
+            let axis = self.axes.column(step.axis.index()).into_owned();
+            let (turns, origin) = (step.turns, self.point);
+            let mut moves = |amount: Amount, factor: f64| {
+                if !by_scalars && matches!(amount, Amount::Scalar(_)) {
+                    return;
+                }
+                self.motions.push(Motion {
+                    amount,
+                    turns,
+                    axis: factor * axis,
+                    origin,
+                });
+            };
+            let value = match step.amount {
+                Amount::Scalar(k) => {
+                    moves(step.amount, 1.0);
+                    scalars.get(k).copied().unwrap_or(0.0)
+                }
                 Amount::Coordinate(c, factor) => {
-                    (factor * q.get(c).copied().unwrap_or(0.0), factor)
+                    let own = q.get(c).copied().unwrap_or(0.0);
+                    let (scale, place) = kinematics.scale(scalars, c);
+                    moves(step.amount, factor * scale);
+                    if let Some(place) = place {
+                        moves(Amount::Scalar(place), factor * own);
+                    }
+                    factor * scale * own
                 }
             };
-            let axis = self.axes.column(step.axis.index()).into_owned();
-            self.motions.push(Motion {
-                amount: step.amount,
-                turns: step.turns,
-                axis: factor * axis,
-                origin: self.point,
-            });
             if step.turns {
                 let (i, j) = match step.axis {
                     Axis::X => (1, 2),
@@ -228,9 +253,14 @@ impl View {
 impl Kinematics {
     /// The links in the world, for scalars of the geometry and coordinates.
     pub fn links(&self, scalars: &[f64], q: &[f64]) -> Vec<View> {
+        self.links_by(scalars, q, true)
+    }
+
+    /// The same, with or without the motions of scalars.
+    pub(crate) fn links_by(&self, scalars: &[f64], q: &[f64], by_scalars: bool) -> Vec<View> {
         let mut links: Vec<View> = Vec::with_capacity(self.links.len());
         for link in &self.links {
-            let view = self.along(&links, link, scalars, q);
+            let view = self.along_by(&links, link, (scalars, q), by_scalars);
             links.push(view);
         }
         links
@@ -238,19 +268,53 @@ impl Kinematics {
 
     /// The frame at the end of a chain, from the links in the world.
     pub fn along(&self, links: &[View], chain: &Chain, scalars: &[f64], q: &[f64]) -> View {
+        self.along_by(links, chain, (scalars, q), true)
+    }
+
+    /// The same, with or without the motions of scalars.
+    pub(crate) fn along_by(
+        &self,
+        links: &[View],
+        chain: &Chain,
+        (scalars, q): (&[f64], &[f64]),
+        by_scalars: bool,
+    ) -> View {
         let parent = chain.parent.and_then(|parent| links.get(parent));
         let mut view = parent.cloned().unwrap_or_else(View::world);
-        view.follow(&chain.steps, scalars, q);
+        view.follow(&chain.steps, (self, by_scalars), scalars, q);
         view
     }
 
     /// The named frames in the world.
     pub fn frames(&self, scalars: &[f64], q: &[f64]) -> Vec<View> {
+        self.frames_of(scalars, q, |_| true)
+    }
+
+    /// The named frames that are wanted; others are the world's.
+    pub(crate) fn frames_of(
+        &self,
+        scalars: &[f64],
+        q: &[f64],
+        is_wanted: impl Fn(usize) -> bool,
+    ) -> Vec<View> {
         let links = self.links(scalars, q);
-        let frames = self.frames.iter();
+        let frames = self.frames.iter().enumerate();
         frames
-            .map(|(_, chain)| self.along(&links, chain, scalars, q))
+            .map(|(k, (_, chain))| {
+                if is_wanted(k) {
+                    self.along(&links, chain, scalars, q)
+                } else {
+                    View::world()
+                }
+            })
             .collect()
+    }
+
+    /// What multiplies a coordinate, and the scalar that says so.
+    pub(crate) fn scale(&self, scalars: &[f64], coordinate: usize) -> (f64, Option<usize>) {
+        let place = self.scales.get(coordinate).copied().flatten();
+        let scale = place.and_then(|place| scalars.get(place)).copied();
+        (scale.unwrap_or(1.0), place)
     }
 
     /// The number of closure equations: those of the cuts, then one for each coupling.

@@ -8,6 +8,7 @@
 //! coordinates).
 //!
 //! - [`Problem::known`] tells what measurements can determine, before any is made.
+//! - [`Problem::choose`] says at which poses to measure.
 //! - [`Problem::calibrate`] finds it, with deviations.
 //!
 //! Angles are in rad, lengths in m, frames in the world where nothing else is said.
@@ -69,6 +70,7 @@
 //! # Ok::<(), regen_calibrate::CalibrateError>(())
 //! ```
 
+mod choose;
 mod closure;
 mod equations;
 mod fit;
@@ -81,6 +83,7 @@ mod simulate;
 mod structure;
 mod suspect;
 
+pub use choose::{Choice, Chosen, Design, Observability};
 pub use closure::{Closure, Split};
 pub use equations::{Group, Pose, Problem};
 pub use fit::{CalibrateError, Estimate, Fit, Fixed, GroupFit, PoseResiduals};

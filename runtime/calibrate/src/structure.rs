@@ -137,6 +137,54 @@ impl Problem<'_> {
         })
     }
 
+    /// How far a coordinate moves from home where nothing else is known.
+    fn reach(&self, coordinate: usize) -> f64 {
+        if self.turns(coordinate) {
+            REACH
+        } else {
+            0.25 * REACH
+        }
+    }
+
+    /// The limits of a coordinate, or where it moves without any.
+    pub(crate) fn range(&self, coordinate: usize) -> [f64; 2] {
+        let home = self.kinematics.home[coordinate];
+        let limits = self.kinematics.limits.get(coordinate).copied().flatten();
+        let reach = self.reach(coordinate);
+        limits.unwrap_or([home - reach, home + reach])
+    }
+
+    /// What would be measured at states without noise.
+    pub(crate) fn noiseless(&self, scalars: &[f64], states: &[Vec<f64>]) -> Vec<Pose> {
+        let poses = states.iter().map(|q| {
+            let frames = self.kinematics.frames(scalars, q);
+            let sensors = self.sensors.iter();
+            Pose {
+                row: 0,
+                readings: self.measured.iter().map(|c| q[*c]).collect(),
+                values: sensors
+                    .map(|sensor| Some(sensor.predict(&frames, &self.kinematics.gravity)))
+                    .collect(),
+            }
+        });
+        poses.collect()
+    }
+
+    /// The inverse covariance of what is found before anything is measured, if there is a tolerance.
+    pub(crate) fn prior(
+        &self,
+        structure: &Structure,
+        found: &Selection,
+    ) -> Result<Option<DMatrix<f64>>, CalibrateError> {
+        let Some(tolerance) = self.tolerance else {
+            return Ok(None);
+        };
+        let combined = structure.combinations(found, self.freedoms()) * tolerance;
+        let covariance = &combined * combined.transpose();
+        let inverse = covariance.cholesky().map(|factor| factor.inverse());
+        inverse.map(Some).ok_or(CalibrateError::NotClosed)
+    }
+
     /// States that the mechanism reaches from home, at most this many.
     pub(crate) fn drawn_states(
         &self,
@@ -157,9 +205,8 @@ impl Problem<'_> {
                 .iter()
                 .map(|c| {
                     let home = kinematics.home[*c];
-                    let limits = kinematics.limits.get(*c).copied().flatten();
-                    let sized = if self.turns(*c) { REACH } else { 0.25 * REACH };
-                    let [low, high] = limits.unwrap_or([home - sized, home + sized]);
+                    let sized = self.reach(*c);
+                    let [low, high] = self.range(*c);
                     let (low, high) = (low.max(home - sized), high.min(home + sized));
                     home + reach * (low + draws.uniform() * (high - low) - home)
                 })
@@ -236,20 +283,7 @@ impl Structure {
         }
         // noiseless measurements at the states
         let mountings: Vec<Mounting> = problem.sensors.iter().map(|s| s.mounting).collect();
-        let poses: Vec<Pose> = states
-            .iter()
-            .map(|q| {
-                let frames = problem.kinematics.frames(&reached.scalars, q);
-                let sensors = problem.sensors.iter();
-                Pose {
-                    row: 0,
-                    readings: problem.measured.iter().map(|c| q[*c]).collect(),
-                    values: sensors
-                        .map(|sensor| Some(sensor.predict(&frames, &problem.kinematics.gravity)))
-                        .collect(),
-                }
-            })
-            .collect();
+        let poses = problem.noiseless(&reached.scalars, &states);
         let at = Problem {
             poses: &poses,
             ..*problem

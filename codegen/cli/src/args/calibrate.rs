@@ -18,9 +18,12 @@ measurements too, and alone they calibrate a loop that has them.
 Every placement of a joint, a cut and an observed frame has six errors: alpha,
 a, theta, d and beta and b about and along y (Hayati) where a
 Denavit-Hartenberg row states it, x, y, z, rx, ry and rz at its end elsewhere.
---unknown chooses among them and the names of `geometry`. Errors that cannot be
-told apart are found as one: the table says which of them stand for others, and
-why others stay at their nominal values. Where instruments stand is found too.
+--unknown chooses among them, the names of `geometry`, and q3.scale: what the
+reading of q3 is multiplied by, the ratio of a gear or the scale of an encoder.
+Errors that cannot be told apart are found as one: the table says which of them
+stand for others, and why others stay at their nominal values. Where instruments
+stand is found too. --geometry writes names of `geometry` in their places,
+errors of joints as fixed joints before them, and those of cuts and frames there.
 
 Without runs in FILE, only what such measurements can tell is printed.
 --simulate writes poses to try it with; sensors whose noise FILE does not state
@@ -46,7 +49,7 @@ pub(crate) struct CalibrateArgs {
     /// The level of the confidence intervals [default: 0.95]
     #[arg(long, value_name = "LEVEL", conflicts_with = "simulate")]
     pub(crate) confidence: Option<f64>,
-    /// Write the spec with the names of `geometry` that were found; its comments stay
+    /// Write the spec with the geometry that was found; its comments stay
     #[arg(long, value_name = "YAML")]
     pub(crate) geometry: Option<PathBuf>,
     /// Write simulated poses of a mechanism with errors instead, in the columns that FILE names, and

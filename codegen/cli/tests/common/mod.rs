@@ -80,7 +80,10 @@ fn assert_fits_schema(args: &[&str], run: &Run) {
     let Ok(value) = serde_json::from_str::<Value>(&run.out) else {
         return;
     };
-    let document = Document::of(args[0]).unwrap_or(Document::Model);
+    let document = match args {
+        ["excite", ..] if args.contains(&"--calibrate") => Document::Calibrate,
+        _ => Document::of(args[0]).unwrap_or(Document::Model),
+    };
     let schema = serde_json::from_str(document.schema()).unwrap();
     let misfits = shape::misfits(&schema, &value);
     assert!(misfits.is_empty(), "{args:?}: {misfits:#?}");

@@ -146,6 +146,25 @@ class Robot(Functions):
         """Searches for a trajectory from which the base parameters can be identified accurately."""
         return Excitation(self._run("excite", [], options, {}, progress))
 
+    def excite_poses(
+        self,
+        count: int,
+        experiment: Mapping[str, Any] | Path,
+        /,
+        *,
+        progress: Progress | bool | None = None,
+        **options: Unpack[ExciteOptions],
+    ) -> Calibration:
+        """Chooses poses at rest that show the geometry best, with the deviations to expect.
+
+        ``experiment``: an experiment file with ``calibrate``, or the dict of one. The poses are
+        ``data["choice"]["rows"]``. Of the options only ``limit``, ``margin`` and ``seed`` act.
+        """
+        texts: dict[str, str] = {}
+        with as_files(experiment, texts) as files:
+            given = {**options, "calibrate": count, "measure": files.paths[0]}
+            return Calibration(self._run("excite", [], given, texts, progress))
+
     def simulate(
         self,
         trajectory: Excitation | Mapping[str, Any] | Path | None = None,

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_calibrate::{Fit, Fixed, Group, Kind, Known, Problem, Unit, Why};
+use regen_calibrate::{Chosen, Fit, Fixed, Group, Kind, Known, Problem, Unit, Why};
 use regen_codegen::explain::lines::{columns, field};
 use regen_identify::text::figure_of;
 use serde::Serialize;
@@ -40,6 +40,36 @@ pub struct Calibrated {
     pub converged: Option<bool>,
     /// What is wrong with the measurements.
     pub doubts: Vec<String>,
+    /// How well poses that were chosen show the geometry.
+    pub choice: Option<ChosenPoses>,
+}
+
+/// How well poses that were chosen show the geometry.
+#[derive(Clone, Debug, Serialize)]
+pub struct ChosenPoses {
+    /// The columns of the measured coordinates.
+    pub columns: Vec<String>,
+    /// The poses in these columns and their units, in the order in which they are taken.
+    pub rows: Vec<Vec<f64>>,
+    /// The number of poses from which they were chosen.
+    pub candidates: usize,
+    /// The rows of poses that are not reached from the one before them, but from home.
+    pub from_home: Vec<u64>,
+    /// The observability indices O1 to O5 and the logarithm of the determinant.
+    pub indices: Vec<Compared>,
+    /// The deviation of each number that is found, with as many poses at random.
+    pub random_sigmas: Vec<f64>,
+}
+
+/// A measure of poses that were chosen, and of as many at random.
+#[derive(Clone, Debug, Serialize)]
+pub struct Compared {
+    /// Its name.
+    pub name: &'static str,
+    /// Of the chosen poses.
+    pub chosen: f64,
+    /// Of the set of the median determinant among those at random.
+    pub random: f64,
 }
 
 /// How well measurements of one kind are predicted.
@@ -87,8 +117,9 @@ pub struct FixedNumber {
     pub name: String,
     /// Why, in a word.
     pub why: &'static str,
-    /// The found numbers that its error changes, each with the change for a unit error.
-    pub by: Vec<(String, f64)>,
+    /// The found numbers that its error changes, each with the change for a unit error, and that as an
+    /// expression where it is one of lengths of the description.
+    pub by: Vec<(String, f64, Option<String>)>,
 }
 
 /// Where an instrument is.
@@ -153,6 +184,7 @@ impl Calibrated {
             degrees_of_freedom: fit.chi_square.map(|(_, degrees)| degrees),
             converged: Some(fit.converged),
             doubts: Vec::new(),
+            choice: None,
         }
     }
 
@@ -185,8 +217,94 @@ impl Calibrated {
             degrees_of_freedom: None,
             converged: None,
             doubts: Vec::new(),
+            choice: None,
         }
     }
+
+    /// States factors as expressions: one for each entry of each number that stays.
+    pub fn set_exact(&mut self, exact: Vec<Vec<Option<String>>>) {
+        for (fixed, exact) in self.fixed.iter_mut().zip(exact) {
+            for (by, exact) in fixed.by.iter_mut().zip(exact) {
+                by.2 = exact;
+            }
+        }
+    }
+
+    /// What is to be expected of poses that were chosen.
+    ///
+    /// - `chosen`: with the titles of the coordinates' columns, and the poses in these and their units.
+    pub fn of_chosen(
+        robot: &str,
+        problem: &Problem<'_>,
+        known: &Known,
+        (chosen, columns, rows): (&Chosen, Vec<String>, Vec<Vec<f64>>),
+    ) -> Self {
+        let mut out = Self::of_known(robot, problem, known, 0.95);
+        out.poses = chosen.states.len();
+        for (row, sigma) in out.estimates.iter_mut().zip(&chosen.design.sigmas) {
+            row.sigma = Some(*sigma);
+        }
+        let (own, random) = (&chosen.design, &chosen.random);
+        let [o, p] = [own.observability, random.observability];
+        let indices = [
+            ("O1", o.mean, p.mean),
+            ("O2", o.inverse_condition, p.inverse_condition),
+            ("O3", o.smallest, p.smallest),
+            ("O4", o.noise_amplification, p.noise_amplification),
+            ("O5", o.harmonic, p.harmonic),
+            ("log det", own.log_determinant, random.log_determinant),
+        ];
+        let indices = indices.map(|(name, chosen, random)| Compared {
+            name,
+            chosen,
+            random,
+        });
+        out.choice = Some(ChosenPoses {
+            columns,
+            rows,
+            candidates: chosen.candidates,
+            // the first row of a file has titles
+            from_home: chosen.from_home.iter().map(|k| *k as u64 + 2).collect(),
+            indices: indices.into(),
+            random_sigmas: random.sigmas.clone(),
+        });
+        out
+    }
+}
+
+/// What is to be expected of chosen poses, in tables.
+pub fn chosen_text(found: &Calibrated) -> String {
+    let Some(choice) = &found.choice else {
+        return String::new();
+    };
+    let mut out = format!(
+        "{}, {} poses of {}\n",
+        found.robot, found.poses, choice.candidates
+    );
+    if !choice.from_home.is_empty() {
+        let rows: Vec<String> = choice.from_home.iter().map(u64::to_string).collect();
+        out.push_str(&listed("from home", &rows));
+    }
+    let rows = choice.indices.iter().map(|own| {
+        let [chosen, random] = [own.chosen, own.random].map(|x| figure_of(3, x));
+        vec![own.name.to_owned(), chosen, random]
+    });
+    out.push('\n');
+    out.push_str(&columns(
+        &["index", "chosen", "at random"],
+        &rows.collect::<Vec<_>>(),
+    ));
+    let rows = found.estimates.iter().zip(&choice.random_sigmas);
+    let rows = rows.map(|(own, random)| {
+        let [chosen, random] = [own.sigma.unwrap_or(f64::NAN), *random].map(|x| figure_of(2, x));
+        vec![own.name.clone(), chosen, random, own.unit.to_owned()]
+    });
+    out.push('\n');
+    out.push_str(&columns(
+        &["sigma of", "chosen", "at random", "unit"],
+        &rows.collect::<Vec<_>>(),
+    ));
+    out
 }
 
 fn unit(unit: Unit) -> &'static str {
@@ -217,7 +335,11 @@ fn fixed(all: &[Fixed]) -> Vec<FixedNumber> {
             Why::LoopsFixed => "loops",
             Why::NotShown => "not shown",
         },
-        by: fixed.by.clone(),
+        by: fixed
+            .by
+            .iter()
+            .map(|(name, factor)| (name.clone(), *factor, None))
+            .collect(),
     });
     each.collect()
 }
@@ -241,13 +363,17 @@ fn listed(label: &str, words: &[String]) -> String {
 }
 
 /// A factor of a combination, and the name of what it multiplies.
-fn term(name: &str, factor: f64) -> String {
-    let size = factor.abs();
+fn term(name: &str, factor: f64, exact: Option<&str>) -> String {
     let sign = if factor < 0.0 { "-" } else { "+" };
-    if (size - 1.0).abs() < 1e-9 {
-        format!("{sign} {name}")
-    } else {
-        format!("{sign} {} {name}", figure_of(4, size))
+    let size = exact.map(|exact| exact.trim_start_matches('-'));
+    // the expression may be negative where its value is not
+    let sign = exact.map_or(sign, |own| if own.starts_with('-') { "-" } else { "+" });
+    match size.map(|size| (size, size.split_once('/'))) {
+        None => format!("{sign} {} {name}", figure_of(4, factor.abs())),
+        Some(("1", _)) => format!("{sign} {name}"),
+        Some((_, Some(("1", below)))) => format!("{sign} {name}/{below}"),
+        Some((size, Some(_))) => format!("{sign} ({size}) {name}"),
+        Some((size, None)) => format!("{sign} {size} {name}"),
     }
 }
 
@@ -314,10 +440,12 @@ pub fn calibrated_text(found: &Calibrated) -> String {
         }
         out.push_str(&columns(&head, &table));
     }
+    let mut has_numbers = false;
     let mut stands: Vec<(String, Vec<String>)> = Vec::new();
     for fixed in &found.fixed {
-        for (name, factor) in &fixed.by {
-            let text = term(&fixed.name, *factor);
+        for (name, factor, exact) in &fixed.by {
+            has_numbers |= exact.is_none();
+            let text = term(&fixed.name, *factor, exact.as_deref());
             match stands.iter_mut().find(|(own, _)| own == name) {
                 Some((_, terms)) => terms.push(text),
                 None => stands.push((name.clone(), vec![text])),
@@ -325,7 +453,12 @@ pub fn calibrated_text(found: &Calibrated) -> String {
         }
     }
     if !stands.is_empty() {
-        out.push_str("\nnot told apart, found as one\n");
+        out.push_str("\nnot told apart, found as one");
+        out.push_str(if has_numbers {
+            "; factors in digits are of this geometry alone\n"
+        } else {
+            "\n"
+        });
         for (name, terms) in &stands {
             let _ = writeln!(out, "  {name} {}", terms.join(" "));
         }

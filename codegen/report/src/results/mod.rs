@@ -30,7 +30,8 @@ mod rehearsal;
 
 pub use base::{BaseJson, BaseSummary, base, base_lines, base_summary};
 pub use calibration::{
-    Calibrated, FixedNumber, FoundNumber, Instrument, MeasuredFit, calibrated_text,
+    Calibrated, ChosenPoses, Compared, FixedNumber, FoundNumber, Instrument, MeasuredFit,
+    calibrated_text, chosen_text,
 };
 pub use excitation::{Excited, excited_text};
 pub use explanation::{ExplanationJson, explanation, explanation_text};
