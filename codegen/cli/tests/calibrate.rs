@@ -193,7 +193,7 @@ fn errors_of_placements_are_written_into_a_description_that_then_fits_as_it_is()
         let on = if name == "fivebar" {
             tip.to_owned()
         } else {
-            format!("tool")
+            "tool".to_owned()
         };
         let text = if name == "fivebar" {
             text

@@ -8,12 +8,9 @@ use crate::kinematics::{Described, is_free};
 
 /// How closely a factor is that of an expression.
 const CLOSE: f64 = 1e-6;
-/// Changes of the lengths, in thousandths, for each of two other geometries: more lengths take them
-/// again with others.
-const CHANGES: [[i64; 7]; 2] = [
-    [23, -31, 12, 37, -17, 29, -8],
-    [-11, 26, 35, -22, 14, -38, 19],
-];
+/// How two other geometries change the lengths: by thousandths that go on by the first number from the
+/// second, and around at 61.
+const CHANGES: [(i64, i64); 2] = [(37, 5), (23, 17)];
 
 /// A length of the description that has a name.
 struct Length {
@@ -91,11 +88,17 @@ impl Described {
     }
 
     /// The same mechanism with other lengths; `None` where its loops do not close near home.
-    fn varied(&self, lengths: &[Length], changes: [i64; 7], measured: &[usize]) -> Option<Self> {
+    fn varied(
+        &self,
+        lengths: &[Length],
+        (step, first): (i64, i64),
+        measured: &[usize],
+    ) -> Option<Self> {
         let mut out = self.clone();
-        for (k, own) in lengths.iter().enumerate() {
-            // lengths that take the same change again take it twice, three times, ...
-            let change = changes[k % changes.len()] * (1 + (k / changes.len()) as i64 % 3);
+        let mut place = first;
+        for own in lengths {
+            let change = place - 30;
+            place = (place + step) % 61;
             let expr = match own.place {
                 Place::Name(k) => &mut out.names[k].1,
                 Place::Scalar(k) => &mut out.scalars[k],

@@ -598,7 +598,9 @@ impl ChosenGeometry<'_> {
             let (Chosen::Error(scalar), unknown) = (kind, &self.unknowns[k]) else {
                 continue;
             };
-            let is_changed = values.get(k).is_some_and(|value| *value != unknown.nominal);
+            let is_changed = values
+                .get(k)
+                .is_some_and(|value| (value - unknown.nominal).abs() > 0.0);
             let of_body = described
                 .owners
                 .iter()

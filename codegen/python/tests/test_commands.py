@@ -121,6 +121,10 @@ def test_a_calibration_finds_simulated_errors(fivebar, tmp_path):
     sigmas = {row["name"]: row["sigma"] for row in found.data["estimates"]}
     assert set(found.values) == set(truth.values)
     assert all(abs(found.values[name] - value) < 5 * sigmas[name] for name, value in truth.values.items())
+    # poses that show more than as many at random
+    chosen = robot.excite_poses(12, plan, seed=2).data["choice"]
+    assert len(chosen["rows"]) == 12 and chosen["columns"] == ["q1", "q2", "q3", "q4"]
+    assert all(row["chosen"] > row["random"] for row in chosen["indices"] if row["name"] == "O1")
     # without runs there is nothing to find, but what could be
     assert not robot.calibrate(plan).values and len(robot.calibrate(plan).table) == len(truth.values)
     with pytest.raises(regen.InputError, match="did you mean"):

@@ -220,14 +220,9 @@ fn log_determinant(matrix: &DMatrix<f64>) -> Option<f64> {
 
 /// So many different numbers below a bound, or all of them.
 fn drawn(count: usize, below: usize, draws: &mut Draws) -> Vec<usize> {
-    let mut all: Vec<usize> = (0..below).collect();
-    for k in 0..count.min(below) {
-        let rest = (below - k) as f64;
-        let other = k + ((draws.uniform() * rest) as usize).min(below - k - 1);
-        all.swap(k, other);
-    }
-    all.truncate(count);
-    all
+    let mut all: Vec<(f64, usize)> = (0..below).map(|k| (draws.uniform(), k)).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.into_iter().take(count).map(|(_, k)| k).collect()
 }
 
 /// The workspace: limits, and what a state must keep.

@@ -546,7 +546,7 @@ class CalibrateOptions(TypedDict, total=False):
 
     #: The level of the confidence intervals [default: 0.95]
     confidence: Value | None
-    #: Write the spec with the names of `geometry` that were found; its comments stay
+    #: Write the spec with the geometry that was found; its comments stay
     geometry: Value | None
     #: The folder of the logs in FILE [default: that of FILE]
     logs: Value | None
