@@ -206,7 +206,7 @@ fn errors_of_placements_are_written_into_a_description_that_then_fits_as_it_is()
              rotation: {{rpy: [a, b, c]}}, instrument: known}}\n"
         );
         fs::write(dir.join("plan.yaml"), &plan).unwrap();
-        let words = "calibrate robot.yaml plan.yaml --simulate poses.csv --poses 60 --perturb 2e-3";
+        let words = "calibrate robot.yaml plan.yaml --simulate poses.csv --poses 30 --perturb 2e-3";
         regen(&dir, &words.split(' ').collect::<Vec<_>>()).ended(0);
         fs::write(
             dir.join("plan.yaml"),

@@ -579,7 +579,7 @@ impl Sloped {
     }
 }
 
-/// The chain of a placement at scalars, as x, y, z and roll, pitch, yaw with R = Rz(y) Ry(p) Rx(r).
+/// A placement as x, y, z and roll, pitch, yaw with R = Rz(y) Ry(p) Rx(r).
 fn pose(axes: Matrix3<f64>, point: Vector3<f64>) -> [f64; 6] {
     let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(axes).euler_angles();
     // rounding errors of what is zero

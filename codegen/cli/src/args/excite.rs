@@ -25,12 +25,13 @@ same seed gives the same file, on any number of threads.
 Equations are those of Mata et al. (2008); see the README.
 
 With --calibrate the robot is to be measured at rest, to find its geometry: N
-poses are chosen by exchange among some hundred within the limits, so that the
-determinant of the normal matrix is large, and ordered so that each is reached
-from the one before. Printed are the observability indices O1 to O5 (Borm 1991,
-Driels 1990, Nahvi 1994 and 1996, Sun 2008) and the deviations to expect, beside
-those of poses at random; sensors whose noise FILE does not state have 0.05 mm
-and 0.1 mrad. Collisions are not known. JSON is that of `regen calibrate`.
+poses are chosen by exchange among some hundred within the limits, near home
+where there are none, so that the determinant of the normal matrix is large, and
+ordered so that each is reached from the one before. Printed are the indices O1
+to O5 of observability (Borm 1991, Driels 1990, Nahvi 1994 and 1996, Sun 2008)
+and the deviations to expect, beside those of poses at random; sensors whose
+noise FILE does not state have 0.05 mm and 0.1 mrad. Collisions are not known.
+JSON is that of `regen calibrate`.
 
 Examples:
   regen excite robots/3rps.yaml --out t.json
