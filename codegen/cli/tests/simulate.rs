@@ -202,7 +202,7 @@ fn the_true_parameters_of_a_perturbed_robot_simulate_the_same_log() {
     regen(&dir, &[&args[..], &again].concat()).ended(0);
     assert_eq!(fs::read_to_string(dir.join("again.yaml")).unwrap(), truth);
     // the controllers are tuned to the true parameters there
-    let start = |name: &str| columns(&dir.join(name))[0].1[0];
+    let start = |name: &str| columns(&dir.join(name))[0].1[0].to_bits();
     assert_eq!(start("a.csv"), start("b.csv"));
 }
 

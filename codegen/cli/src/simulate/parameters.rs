@@ -95,11 +95,7 @@ fn set_friction(info: &Info<'_>, fitted: &mut Vec<JointFit>, label: &str, value:
     let mut joints = info.joints.iter().zip(info.coordinates);
     let found = joints.find_map(|(joint, name)| {
         let of_joint = |symbol: &&str| *label == format!("{symbol}({name})");
-        let place = joint
-            .friction
-            .symbols()
-            .iter()
-            .position(|own| of_joint(own))?;
+        let place = joint.friction.symbols().iter().position(of_joint)?;
         (!joint.friction.is_linear()).then_some((joint, *name, place))
     });
     let Some((joint, name, place)) = found else {
