@@ -109,6 +109,8 @@ class SimulateOptions(TypedDict, total=False):
     settle: Value | None
     #: Time between samples of the controller and of the log, s [default: 0.01]
     step: Value | None
+    #: Write the true parameters here, as `parameters` reads them: YAML if FILE ends in .yaml, else JSON
+    truth: Value | None
 
 
 class InspectOptions(TypedDict, total=False):
