@@ -43,4 +43,5 @@ mod springs;
 mod states;
 mod units;
 mod verify;
+mod wear;
 mod whole_or_absent;
