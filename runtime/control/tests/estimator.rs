@@ -319,6 +319,60 @@ fn directional_forgetting_keeps_what_is_not_excited() {
     assert!((values.unwrap()[0] - 2.0).abs() < 0.1, "{values:?}");
 }
 
+/// Dry friction that wears in by 40 % while the mass is known: an estimate of friction alone, beside the
+/// known momentum, lags by no more than its time constant and stays where the robot rests.
+#[test]
+fn friction_that_grows_is_followed_beside_a_known_robot() {
+    const GROWTH: f64 = 0.01;
+    let follow = |forgetting: Forgetting| {
+        let mut noise = Noise(11);
+        let settings = Settings {
+            forgetting,
+            ..Settings::new(2e-3)
+        };
+        let mut estimator = Estimator::<f64, 1, 2>::new(&settings, &[1.0]).unwrap();
+        let velocity = |t: f64| (2.0 * t).sin() + 0.5 * (5.3 * t).sin();
+        let slope = |t: f64| 2.0 * (2.0 * t).cos() + 2.65 * (5.3 * t).cos();
+        let dry = |t: f64| 1.5 + GROWTH * t;
+        for k in 0..30_000 {
+            let t = 2e-3 * f64::from(k);
+            let (v, middle) = (velocity(t), t - 1e-3);
+            let u = 2.0 * slope(middle)
+                + 3.0 * velocity(middle)
+                + dry(middle) * velocity(middle).tanh()
+                + 0.1 * noise.normal();
+            let columns = [[-v], [-v.tanh()]];
+            let sample =
+                estimator.update_beside(&[2.0 * v], &[0.0], &[[0.0], [0.0]], &columns, &[u]);
+            assert_ne!(sample, Sample::Refused);
+        }
+        let (moved, sigma) = (estimator.values().unwrap(), estimator.deviations());
+        estimator.interrupt();
+        for _ in 0..30_000 {
+            let rest = [[0.0]; 2];
+            let _ = estimator.update_beside(&[0.0], &[0.0], &rest, &rest, &[0.0]);
+        }
+        (moved, sigma, estimator.values())
+    };
+    let last = 1.5 + 60.0 * GROWTH;
+    let time = 5.0;
+    let ([_, dry], [_, sigma], rested) = follow(Forgetting::Directional(time));
+    let lag = last - dry;
+    println!("{dry} of {last}, sigma {sigma}");
+    assert!(
+        sigma < 0.05 && lag.abs() < 5.0 * GROWTH * time,
+        "{dry} {sigma}"
+    );
+    assert!((rested.unwrap()[1] - dry).abs() < 1e-9, "{rested:?}");
+    // without forgetting it is the mean
+    let ([_, mean], [_, sigma], _) = follow(Forgetting::Never);
+    println!("mean {mean}, sigma {sigma}");
+    assert!(
+        (mean - 1.8).abs() < 0.1 && last - mean > lag + 0.05,
+        "{mean} {sigma}"
+    );
+}
+
 /// Deviations are unknown, not zero, before there are errors to judge by.
 #[test]
 fn deviations_are_infinite_until_blocks_tell_them() {
