@@ -20,8 +20,8 @@ ARMS = ["puma560", "ur5e", "rx90", "panda", "iiwa14", "tree_branch"]
 LOOPS = ["fivebar", "3rps", "stewart"]
 STATES = 100
 FRAMES, DYNAMICS = 1e-12, 1e-7
-# of differences of fourth order, rad or m
-STEP = 2e-4
+# of differences of fourth order, rad or m: a 6-UPS of 6 cm comes near singularities
+STEP = 8e-6
 PLACED = [0.1, -0.2, 0.3], [0.4, -0.5, 0.6]
 
 
