@@ -904,7 +904,7 @@ mod tests {
             let smooth = found(place, |x| x * x + 0.1 * x * x * x);
             assert!((smooth - place).abs() < 1.5e-7, "{smooth} {place}");
             // at a bound no parabola is within the interval
-            assert!(place == 2.0 || calls.get() < 15, "{}", calls.get());
+            assert!(place > 1.9 || calls.get() < 15, "{}", calls.get());
             for sharp in [(|x| libm::log(x * x + 1e-30)) as fn(f64) -> f64, f64::abs] {
                 let found = found(place, sharp);
                 assert!((found - place).abs() < 1.5e-7, "{found} {place}");
