@@ -23,7 +23,8 @@ reading of q3 is multiplied by, the ratio of a gear or the scale of an encoder.
 Errors that cannot be told apart are found as one: the table says which of them
 stand for others, and why others stay at their nominal values. Where instruments
 stand is found too. --geometry writes names of `geometry` in their places,
-errors of joints as fixed joints before them, and those of cuts and frames there.
+errors of joints as fixed joints before them, and those of cuts and frames
+there.
 
 Without runs in FILE, only what such measurements can tell is printed.
 --simulate writes poses to try it with; sensors whose noise FILE does not state
