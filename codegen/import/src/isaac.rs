@@ -181,6 +181,7 @@ fn quaternion(r: &M3) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pose::from_quaternion;
 
     #[test]
     fn moments_about_principal_axes_are_those_of_the_tensor() {
@@ -191,26 +192,11 @@ mod tests {
             [2.0, 0.0, -0.7, 3.0, 0.0, 2.0],
         ] {
             let (moments, axes) = principal(tensor);
-            let [w, x, y, z] = quaternion(&axes);
-            assert!((w * w + x * x + y * y + z * z - 1.0).abs() < 1e-14 && w >= 0.0);
-            // the rotation of the quaternion, by its definition
-            let r = [
-                [
-                    1.0 - 2.0 * (y * y + z * z),
-                    2.0 * (x * y - w * z),
-                    2.0 * (x * z + w * y),
-                ],
-                [
-                    2.0 * (x * y + w * z),
-                    1.0 - 2.0 * (x * x + z * z),
-                    2.0 * (y * z - w * x),
-                ],
-                [
-                    2.0 * (x * z - w * y),
-                    2.0 * (y * z + w * x),
-                    1.0 - 2.0 * (x * x + y * y),
-                ],
-            ];
+            let q = quaternion(&axes);
+            assert!((q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-14 && q[0] >= 0.0);
+            let Some(r) = from_quaternion(q) else {
+                panic!("{q:?}")
+            };
             let entry = |i: usize, j: usize| -> f64 {
                 (0..3).map(|k| r[i][k] * moments[k] * r[j][k]).sum()
             };

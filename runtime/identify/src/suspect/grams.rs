@@ -664,6 +664,17 @@ impl Grams {
         (0..self.rows()).map(one).collect()
     }
 
+    /// The constant that the effort of equation `i` lacks of what the nominal bodies need, over the rms of what they
+    /// need.
+    pub(super) fn lacking_part(&self, i: usize, read: &[Reading]) -> f64 {
+        let last = self.size(i) - 1;
+        let mut rest = self.side(i, read);
+        rest.push((last - 1, -1.0));
+        let lacking = self.product(i, &rest, &[(last, 1.0)]) / self.count;
+        let needed = self.entry(i, last - 1, last - 1) / self.count;
+        (lacking * lacking / needed.max(f64::MIN_POSITIVE)).sqrt()
+    }
+
     /// Compares the effort of equation `i` with the one that the nominal bodies need, after
     /// subtracting from both what friction, offsets and rotors without nominal values and a constant
     /// explain.
