@@ -1,4 +1,4 @@
-//! Poses that show a geometry best, of those that a mechanism can take.
+//! Poses that show a geometry well, chosen among those that a mechanism can take.
 
 use nalgebra::{Cholesky, DMatrix};
 
@@ -359,8 +359,10 @@ impl Workspace<'_> {
 }
 
 impl Problem<'_> {
-    /// Chooses poses that show the geometry best (D-optimal), within the limits of the coordinates and off
-    /// singularities of the loops. Where a coordinate has no limits, it stays near home.
+    /// Chooses poses among random candidates within the limits of the coordinates and off singularities of the
+    /// loops, so that no exchange of one of them for another candidate raises the determinant of the normal matrix
+    /// (or twenty passes of exchanges are done): a local optimum of the D-criterion, not shown to be the best. Where
+    /// a coordinate has no limits, it stays near home.
     ///
     /// What the mechanism may hit is not known: collisions are to be looked at.
     ///

@@ -155,7 +155,7 @@ class Robot(Functions):
         progress: Progress | bool | None = None,
         **options: Unpack[ExciteOptions],
     ) -> Calibration:
-        """Chooses poses at rest that show the geometry best, with the deviations to expect.
+        """Chooses poses at rest that show the geometry well, with the deviations to expect.
 
         ``experiment``: an experiment file with ``calibrate``, or the dict of one. The poses are
         ``data["choice"]["rows"]``. Of the options only ``limit``, ``margin`` and ``seed`` act.
