@@ -320,7 +320,8 @@ fn directional_forgetting_keeps_what_is_not_excited() {
 }
 
 /// Dry friction that wears in by 40 % while the mass is known: an estimate of friction alone, beside the
-/// known momentum, lags by no more than its time constant and stays where the robot rests.
+/// known momentum, lags by at most five of its time constants, since each equation forgets one direction only (four
+/// were measured), and stays where the robot rests.
 #[test]
 fn friction_that_grows_is_followed_beside_a_known_robot() {
     const GROWTH: f64 = 0.01;
