@@ -69,9 +69,11 @@ fn complete(path: &str, text: &str, rank: usize, completed: usize) -> (Model, An
     }
     let parameters = analysis.base.parameters.iter();
     let marked = parameters
-        .filter(|p| p.provenance == Provenance::Completed)
+        .filter(|p| p.provenance == Provenance::Proven)
         .count();
     assert!(marked > 0, "{path}");
+    let mut null = analysis.base.null.iter();
+    assert!(null.all(|row| row.provenance != Provenance::Completed));
     (model, analysis)
 }
 
@@ -260,7 +262,7 @@ fn factors_that_are_right_only_at_the_given_values_are_marked() {
     for parameter in &base.parameters {
         let expected = match parameter.provenance {
             Provenance::Derived => Exactness::Symbolic,
-            Provenance::Completed => Exactness::AtThisGeometry,
+            Provenance::Proven | Provenance::Completed => Exactness::AtThisGeometry,
         };
         assert_eq!(parameter.exactness, expected);
     }

@@ -170,11 +170,12 @@ fn null_directions_that_no_tree_yields_are_completed_and_marked() {
     let dir = scratch("base-completed");
     let run = regen(&dir, &["base", &mechanism("parallelogram_cut.yaml")]).ended(0);
     assert!(
-        run.out.contains("5 more null directions from samples"),
+        run.out
+            .contains("5 more null directions from samples, all proven"),
         "{}",
         run.out
     );
-    assert!(run.out.contains("completed  mx(1)"), "{}", run.out);
+    assert!(run.out.contains("proven    mx(1)"), "{}", run.out);
 }
 
 /// The 3-RPS with further choices under `base`.

@@ -59,7 +59,7 @@ fn the_json_gives_the_evidence_of_each_statement() {
         .find(|u| u["reason"] == "body platform never rotates");
     let platform = platform.unwrap();
     assert_eq!(platform["parameters"].as_array().unwrap().len(), 9);
-    assert_eq!(platform["rests_on"], "completed");
+    assert_eq!(platform["rests_on"], "proven");
 }
 
 #[test]

@@ -32,6 +32,7 @@ mod magnitude;
 mod meant;
 mod null_completion;
 mod payloads;
+mod proof;
 mod rates;
 mod span;
 mod store;
@@ -65,12 +66,15 @@ pub struct Term {
     pub value: Number,
 }
 
-/// How a combination of parameters (a null direction or a base parameter) was obtained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How a combination of parameters (a null direction or a base parameter) was obtained, from best to worst.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Provenance {
     /// By layers 1 and 2: derived exactly from spanning trees and velocity constraints. Also for a
     /// base parameter that is a single parameter.
     Derived,
+    /// By layer 3, and then proven: exact points of the mechanism with all values of the names, modulo a prime,
+    /// leave a chance below 2^-128 that it is wrong.
+    Proven,
     /// By layer 3: completed from the regressor at sampled states, in multiple precision.
     Completed,
 }
@@ -229,8 +233,15 @@ fn derive_with_completion(
         // Completed direction k gets an additional entry 1 in the tag column `columns + k`, after
         // the columns of the parameters. The row operations of the reduction below also apply to
         // it: a reduced row with an entry in that column is a combination that uses direction k.
-        for (k, (mut direction, exactness)) in completed.directions.into_iter().enumerate() {
-            completed_exactness.push(exactness);
+        let proven = proven(&field, spec, model, completion, &completed.directions);
+        let directions = completed.directions.into_iter().zip(proven);
+        for (k, ((mut direction, exactness), proven)) in directions.enumerate() {
+            let provenance = if proven {
+                Provenance::Proven
+            } else {
+                Provenance::Completed
+            };
+            completed_exactness.push((provenance, exactness));
             direction.insert(columns + k, Element::one());
             null.push(direction);
         }
@@ -278,9 +289,8 @@ fn derive_with_completion(
         let tags = row.range(columns..);
         let used = tags.filter_map(|(tag, _)| completed_exactness.get(tag - columns));
         used.max()
-            .map_or((Provenance::Derived, Exactness::Symbolic), |e| {
-                (Provenance::Completed, *e)
-            })
+            .copied()
+            .unwrap_or((Provenance::Derived, Exactness::Symbolic))
     };
     // factors of rows that are completed with digits are told apart
     let mut hidden = 0_usize;
@@ -302,10 +312,9 @@ fn derive_with_completion(
                 // The row r of an eliminated column e says that W_e + sum_c r_c W_c = 0. Thus phi_e
                 // acts as -r_c phi_e does at each kept column c.
                 let factor = row.get(&c)?.neg();
-                if let (Provenance::Completed, of_row) = provenance_of(row) {
-                    provenance = Provenance::Completed;
-                    exactness = exactness.max(of_row);
-                }
+                let (own, of_row) = provenance_of(row);
+                provenance = provenance.max(own);
+                exactness = exactness.max(of_row);
                 if !holds_elsewhere(eliminated) {
                     exactness = exactness.max(Exactness::AtThisGeometry);
                 }
@@ -371,6 +380,33 @@ fn derive_with_completion(
         varied_names: elsewhere.map_or_else(Vec::new, |elsewhere| elsewhere.names),
         coincidences: field.coincidences().map(str::to_owned).collect(),
     }
+}
+
+/// For each completed direction whose factors are known as functions of the names, whether it is proven.
+fn proven(
+    field: &Field,
+    spec: &Spec,
+    model: &Model,
+    completion: &null_completion::NullCompletion<'_>,
+    directions: &[(Vector, Exactness)],
+) -> Vec<bool> {
+    let is_known = |(direction, exactness): &(Vector, Exactness)| {
+        *exactness == Exactness::Symbolic && direction.values().all(|e| !e.hides_names())
+    };
+    if !directions.iter().any(is_known) {
+        return vec![false; directions.len()];
+    }
+    let factors: Vec<Vec<(usize, Coefficient)>> = directions
+        .iter()
+        .map(|(direction, _)| {
+            let entries = direction.iter();
+            entries.map(|(c, e)| (*c, field.coefficient(e))).collect()
+        })
+        .collect();
+    let found = proof::proven(spec, model, completion.home(), &factors);
+    let both = directions.iter().zip(found);
+    both.map(|(direction, proven)| proven && is_known(direction))
+        .collect()
 }
 
 /// The column of the parameter with this label.

@@ -93,13 +93,15 @@ pub fn is_slow_in_debug(model: &Model) -> bool {
 }
 
 /// The file's words for the provenance of a combination and the exactness of its factors.
-const PROVENANCE_WORDS: [(&str, Provenance, Exactness); 5] = [
+const PROVENANCE_WORDS: [(&str, Provenance, Exactness); 7] = [
     ("derived", Provenance::Derived, Exactness::Symbolic),
     (
         "derived-here",
         Provenance::Derived,
         Exactness::AtThisGeometry,
     ),
+    ("proven", Provenance::Proven, Exactness::Symbolic),
+    ("proven-here", Provenance::Proven, Exactness::AtThisGeometry),
     ("completed", Provenance::Completed, Exactness::Symbolic),
     (
         "completed-here",

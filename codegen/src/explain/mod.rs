@@ -19,7 +19,7 @@ use core::fmt::{self, Write as _};
 
 pub use crate::base::Freedom;
 use crate::base::certificate::closed_states;
-use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constraints};
+use crate::base::{Analysis, LinearForm, LinkPath, Provenance, link_paths, velocity_constraints};
 use crate::diag::{Source, Span, rounded};
 use crate::model::Model;
 use crate::spec::Spec;
@@ -166,8 +166,8 @@ pub struct Unidentifiable {
     pub parameters: Vec<String>,
     /// The reason, if one is known.
     pub reason: Option<String>,
-    /// Whether this was derived exactly rather than completed from samples.
-    pub derived: bool,
+    /// How this was found.
+    pub provenance: Provenance,
     /// The index of the parameters' body; `None` for parameters of joints.
     body: Option<usize>,
 }
@@ -181,8 +181,8 @@ pub struct Grouped {
     pub with: Vec<String>,
     /// The reason, if one is known.
     pub reason: Option<String>,
-    /// Whether this was derived exactly rather than completed from samples.
-    pub derived: bool,
+    /// How this was found.
+    pub provenance: Provenance,
 }
 
 /// The explanation of a mechanism in words.
@@ -228,20 +228,20 @@ impl Explanation {
     pub fn grouped_from_samples(self) -> Vec<Grouped> {
         let unidentifiable = self.unidentifiable.into_iter();
         let without_effect = unidentifiable
-            .filter(|group| !group.derived)
+            .filter(|group| group.provenance != Provenance::Derived)
             .flat_map(|group| {
-                let reason = group.reason;
+                let (reason, provenance) = (group.reason, group.provenance);
                 group.parameters.into_iter().map(move |parameter| Grouped {
                     parameter,
                     with: Vec::new(),
                     reason: reason.clone(),
-                    derived: false,
+                    provenance,
                 })
             });
         let in_combination = self
             .grouped
             .into_iter()
-            .filter(|parameter| !parameter.derived);
+            .filter(|parameter| parameter.provenance != Provenance::Derived);
         without_effect.chain(in_combination).collect()
     }
 }

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 
 use super::Grouped;
 use super::lines::{WIDTH, field, paragraph};
-use crate::base::{self, Analysis, Exactness, Substitution, Term};
+use crate::base::{self, Analysis, Exactness, Provenance, Substitution, Term};
 use crate::robot::Robot;
 
 pub use factor::Style;
@@ -269,7 +269,15 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
         ),
     ));
     if completed(analysis) > 0 {
-        let text = format!("{} more null directions from samples", completed(analysis));
+        let provenances = base.null.iter().map(|row| row.provenance);
+        let proof = match provenances.max() {
+            Some(Provenance::Proven) => {
+                ", all proven: a false one would pass by chance with a probability below 2^-128"
+            }
+            _ => "",
+        };
+        let count = completed(analysis);
+        let text = format!("{count} more null directions from samples{proof}");
         facts.push(("completed", text));
     }
     if !base.unrecognised.is_empty() {

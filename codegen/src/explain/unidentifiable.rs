@@ -105,9 +105,11 @@ impl Bodies<'_> {
                     (Some(reason), None)
                 }
             };
-            let derived = row.provenance == Provenance::Derived;
+            let provenance = row.provenance;
             let same = |u: &&mut Unidentifiable| {
-                u.reason == reason && u.derived == derived && (reason.is_some() || u.body == body)
+                u.reason == reason
+                    && u.provenance == provenance
+                    && (reason.is_some() || u.body == body)
             };
             let label = parameter.label.clone();
             match all.iter_mut().find(same) {
@@ -115,7 +117,7 @@ impl Bodies<'_> {
                 None => all.push(Unidentifiable {
                     parameters: vec![label],
                     reason,
-                    derived,
+                    provenance,
                     body,
                 }),
             }
@@ -133,7 +135,7 @@ impl Bodies<'_> {
                 parameter: label(row.column),
                 with: others.filter(|c| *c != row.column).map(label).collect(),
                 reason: self.reason_of_combination(row),
-                derived: row.provenance == Provenance::Derived,
+                provenance: row.provenance,
             }
         })
         .collect()
@@ -205,7 +207,7 @@ impl Bodies<'_> {
         {
             return Some(self.reason_within_body(body));
         }
-        if row.provenance == Provenance::Completed {
+        if row.provenance != Provenance::Derived {
             return self.reason_beyond_tree(&bodies, &rotors);
         }
         // in a combination of several bodies, a rotor only replaces the moment of inertia that it

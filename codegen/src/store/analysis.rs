@@ -13,7 +13,11 @@ use crate::sym::Number;
 const MAX_DEPTH: usize = 1000;
 
 /// How a combination was obtained and how well its factors are known, in the order of their numbers.
-const PROVENANCES: [Provenance; 2] = [Provenance::Derived, Provenance::Completed];
+const PROVENANCES: [Provenance; 3] = [
+    Provenance::Derived,
+    Provenance::Completed,
+    Provenance::Proven,
+];
 const EXACTNESSES: [Exactness; 3] = [
     Exactness::Symbolic,
     Exactness::AtThisGeometry,

@@ -182,6 +182,18 @@ impl Number {
         i64::try_from(value.numerator()).ok()
     }
 
+    /// The terms of an exact number: each with its coefficient, the squarefree integer whose square root
+    /// multiplies it, and the power of pi; `None` of an inexact one.
+    pub(crate) fn exact_terms(&self) -> Option<Vec<(RBig, u128, i32)>> {
+        let surd = self.0.exact.as_ref()?;
+        let terms = surd.terms().iter();
+        Some(
+            terms
+                .map(|t| (t.coefficient.clone(), t.radicand, t.pi_power))
+                .collect(),
+        )
+    }
+
     /// `Some(r)` if this is known to be exactly `r * pi`.
     pub fn pi_multiple(&self) -> Option<RBig> {
         self.0.exact.as_ref()?.pi_multiple()

@@ -35,7 +35,7 @@ class Row(NamedTuple):
     label: str
     #: The combination of parameters that it stands for.
     terms: list[Term]
-    #: How it was found: ``derived`` from spanning trees, or ``completed`` from samples.
+    #: How it was found: ``derived`` from spanning trees, ``proven`` by exact points, or ``completed`` from samples.
     layer: str
 
     @property

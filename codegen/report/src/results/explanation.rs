@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
+use regen_codegen::base::Provenance;
 use regen_codegen::explain::lines::{item, paragraph};
+use regen_codegen::explain::table::layer;
 use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Grouped, predicate};
 use serde::Serialize;
 
@@ -55,7 +57,7 @@ pub fn explanation_text(explanation: &Explanation) -> String {
     let without_effect: Vec<String> = without_effect
         .map(|own| {
             let parameters = own.parameters.join(" ");
-            let provenance = provenance(own.derived);
+            let provenance = layer(own.provenance);
             match &own.reason {
                 Some(reason) => format!("{parameters}: {reason} ({provenance})"),
                 None => format!("{parameters}: no motion shows it ({provenance})"),
@@ -81,26 +83,22 @@ pub fn explanation_text(explanation: &Explanation) -> String {
     out
 }
 
-fn provenance(derived: bool) -> &'static str {
-    if derived { "derived" } else { "completed" }
-}
-
 /// Lines about parameters that are grouped with others: those with the same reason and provenance
 /// share a line.
 fn grouped(all: &[Grouped]) -> Vec<String> {
-    let mut groups: Vec<(&Option<String>, bool, Vec<&str>)> = Vec::new();
+    let mut groups: Vec<(&Option<String>, Provenance, Vec<&str>)> = Vec::new();
     for one in all {
-        let same = |group: &&mut (&Option<String>, bool, Vec<&str>)| {
-            *group.0 == one.reason && group.1 == one.derived
+        let same = |group: &&mut (&Option<String>, Provenance, Vec<&str>)| {
+            *group.0 == one.reason && group.1 == one.provenance
         };
         match groups.iter_mut().find(same) {
             Some(group) => group.2.push(&one.parameter),
-            None => groups.push((&one.reason, one.derived, vec![&one.parameter])),
+            None => groups.push((&one.reason, one.provenance, vec![&one.parameter])),
         }
     }
-    let line = |(reason, derived, parameters): &(&Option<String>, bool, Vec<&str>)| {
+    let line = |(reason, provenance, parameters): &(&Option<String>, Provenance, Vec<&str>)| {
         let parameters = parameters.join(" ");
-        let provenance = provenance(*derived);
+        let provenance = layer(*provenance);
         match reason {
             Some(reason) => format!("{parameters}: {reason} ({provenance})"),
             None => format!("{parameters}: no reason can be named ({provenance})"),
@@ -217,7 +215,7 @@ pub fn explanation(explanation: &Explanation) -> ExplanationJson<'_> {
             .map(|u| UnseenJson {
                 parameters: &u.parameters,
                 reason: u.reason.as_deref(),
-                rests_on: provenance(u.derived),
+                rests_on: layer(u.provenance),
             })
             .collect(),
         only_together: explanation
@@ -227,7 +225,7 @@ pub fn explanation(explanation: &Explanation) -> ExplanationJson<'_> {
                 parameter: &m.parameter,
                 with: &m.with,
                 reason: m.reason.as_deref(),
-                rests_on: provenance(m.derived),
+                rests_on: layer(m.provenance),
             })
             .collect(),
         at_these_values: list(&explanation.geometry_facts),

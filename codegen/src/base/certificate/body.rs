@@ -1,5 +1,7 @@
 //! A body at a sampled state, and the quadratic forms of twists that its inertial parameters multiply.
 
+use core::ops::{Add, Mul, Sub};
+
 use super::float320::Float320;
 
 /// A twist (w, v) of a body in its own frame at its own origin.
@@ -38,7 +40,10 @@ pub(super) fn weights(bodies: &[BodyAt], j: usize) -> Vec<[Float320; 10]> {
 }
 
 /// The symmetric form h: h(V, V) . phi / 2 is the kinetic energy of a body with the twist V.
-pub(super) fn polar(a: &Twist, b: &Twist) -> [Float320; 10] {
+pub(in crate::base) fn polar<S>(a: &[S; 6], b: &[S; 6]) -> [S; 10]
+where
+    S: Copy + Add<Output = S> + Sub<Output = S> + Mul<Output = S>,
+{
     let ([ax, ay, az, au, av, aw], [bx, by, bz, bu, bv, bw]) = (*a, *b);
     [
         ax * bx,

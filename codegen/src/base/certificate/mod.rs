@@ -27,6 +27,7 @@ use crate::kinematics::{Frames, Geometry};
 use crate::model::Model;
 use crate::sym::Graph;
 
+pub(in crate::base) use body::polar;
 pub(in crate::base) use condition::condition_of_kept;
 
 pub use closed_state::{ClosedState, LinkMotion, Vector3, closed_states};

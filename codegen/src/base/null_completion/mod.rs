@@ -17,7 +17,7 @@ mod fit;
 mod lattice;
 mod recognise;
 mod relation;
-mod scaled_geometry;
+pub(super) mod scaled_geometry;
 mod shapes;
 
 use std::cell::RefCell;
@@ -86,6 +86,11 @@ impl<'a> NullCompletion<'a> {
             home,
             seed,
         }
+    }
+
+    /// The home position, and the seed of the random states.
+    pub(super) fn home(&self) -> (&[f64], u64) {
+        (self.home, self.seed)
     }
 
     /// How strongly each parameter acts at the sampled states, see [`Samples::lengths`].

@@ -16,13 +16,13 @@ use crate::sym::{Graph, Number};
 
 /// Geometry names that are scaled together.
 #[derive(Clone, Debug)]
-pub(super) struct Group {
+pub(in crate::base) struct Group {
     /// The name that represents the group in expressions.
-    pub(super) name: String,
+    pub(in crate::base) name: String,
     /// The value of this name.
-    pub(super) value: Number,
+    pub(in crate::base) value: Number,
     /// Whether it is an angle, whose sine and cosine occur in factors.
-    pub(super) is_angle: bool,
+    pub(in crate::base) is_angle: bool,
     members: Vec<String>,
 }
 
@@ -60,7 +60,7 @@ impl Group {
     }
 
     /// The names of the group.
-    pub(super) fn members(&self) -> impl Iterator<Item = &str> {
+    pub(in crate::base) fn members(&self) -> impl Iterator<Item = &str> {
         self.members.iter().map(String::as_str)
     }
 }
@@ -100,7 +100,7 @@ fn is_fixed(value: &Number, is_angle: bool) -> bool {
 
 /// The groups of a spec's geometry names. A multiple of pi is varied only if it is an angle, and no
 /// right angle: the loops might not close with another one.
-pub(super) fn groups(spec: &Spec, angles: &BTreeSet<String>) -> Vec<Group> {
+pub(in crate::base) fn groups(spec: &Spec, angles: &BTreeSet<String>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (name, quantity) in &spec.geometry {
         let value = &quantity.value;
@@ -151,7 +151,7 @@ fn home(model: &Model) -> Option<Vec<f64>> {
 }
 
 /// The spec with the groups scaled and all quantities evaluated anew.
-pub(super) fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
+pub(in crate::base) fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
     let mut spec = spec.clone();
     let mut names: Vec<(String, Number)> = Vec::new();
     for (name, quantity) in &mut spec.geometry {
@@ -169,7 +169,7 @@ pub(super) fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
 }
 
 /// The value of an expression for the given values of names.
-fn value(expr: &Expr, names: &[(String, Number)]) -> Option<Number> {
+pub(in crate::base) fn value(expr: &Expr, names: &[(String, Number)]) -> Option<Number> {
     let of = |e: &Expr| value(e, names);
     Some(match expr {
         Expr::Number(n) => n.clone(),

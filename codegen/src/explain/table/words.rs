@@ -67,6 +67,7 @@ pub fn completed(analysis: &Analysis) -> usize {
 pub fn layer(layer: Provenance) -> &'static str {
     match layer {
         Provenance::Derived => "derived",
+        Provenance::Proven => "proven",
         Provenance::Completed => "completed",
     }
 }

@@ -1,0 +1,443 @@
+//! Proofs of completed null directions, by random points modulo a prime.
+//!
+//! A completed direction is recognised from digits. It is proven as follows (`codegen/BASE.md`, proofs):
+//!
+//! 1. *The branch.* Linear relations among angles, read from the sampled rates (or none of them), define a family
+//!    of states: all others free. The family is the branch if cosines among the closure equations vanish on it identically, and its
+//!    dimension is the mechanism's mobility.
+//! 2. *Points.* On the family the closure equations are linear in lengths, slides and shifts of the frames on the
+//!    ground, so that random angles and the solution of linear equations give random points, on an irreducible
+//!    variety of mechanisms with all values of the names.
+//! 3. *The test.* A polynomial that is not zero on it is zero at a random point modulo P with a probability of
+//!    at most its degree over P (Schwartz, 1980; Zippel, 1979). The energies of a direction at enough points
+//!    leave a chance below 2^-128.
+
+mod branch;
+mod expression;
+mod linear;
+mod mechanism;
+mod residue;
+
+use std::collections::BTreeMap;
+
+use crate::base::Coefficient;
+use crate::base::certificate::{closed_states, polar};
+use crate::base::geometry::angle_names;
+use crate::base::null_completion::scaled_geometry::groups;
+use crate::model::{FrictionColumn, Model, ParameterKind, Step};
+use crate::spec::{Quantity, Spec};
+
+use branch::Branch;
+use expression::{Names, Point};
+use linear::{kernel, rank, solve};
+use mechanism::{Closure, Scalar, State, closure, dot, ground_frames, links};
+use residue::{Constants, Residue};
+
+/// Primes that are 1 modulo [`residue::TURN`]: one has no square root of some primes, which others have.
+const PRIMES: [u64; 4] = [
+    2_305_843_008_749_280_001,
+    2_305_842_974_154_720_001,
+    2_305_842_956_857_440_001,
+    2_305_842_904_965_600_001,
+];
+/// The chance that a false direction passes is below two to minus this number.
+const SURE_BITS: f64 = 128.0;
+/// So many random choices are made for one point; few fail.
+const MAX_TRIALS: usize = 8;
+/// The number of closed states from which relations among angles are read.
+const STATES: usize = 6;
+
+/// For each direction, given by its columns with their factors, whether it is proven to be null.
+///
+/// - `home`: closes the loops; one value per coordinate, rad or m.
+pub(super) fn proven(
+    spec: &Spec,
+    model: &Model,
+    (home, seed): (&[f64], u64),
+    directions: &[Vec<(usize, Coefficient)>],
+) -> Vec<bool> {
+    let none = vec![false; directions.len()];
+    let Ok(states) = closed_states(model, home, seed, STATES) else {
+        return none;
+    };
+    let angles = angle_names(spec, model);
+    let names = Names::new(spec, groups(spec, &angles));
+    let nonlinear: Vec<usize> = names.nonlinear(&lengths(model)).into_iter().collect();
+    let attempt = |with_relations: bool| -> Option<Vec<bool>> {
+        let branch = Branch::new(model, &states, with_relations)?;
+        let ranks = branch.ranks_at_home(spec, model, &names)?;
+        let problem = Problem {
+            model,
+            names: &names,
+            nonlinear: &nonlinear,
+            branch: &branch,
+            ranks,
+        };
+        problem
+            .attempt::<{ PRIMES[0] }>(directions)
+            .or_else(|| problem.attempt::<{ PRIMES[1] }>(directions))
+            .or_else(|| problem.attempt::<{ PRIMES[2] }>(directions))
+            .or_else(|| problem.attempt::<{ PRIMES[3] }>(directions))
+    };
+    let mut proven = attempt(true).unwrap_or_else(|| none.clone());
+    // with relations that other equations imply, these have another rank on the branch than elsewhere
+    if proven.contains(&false) {
+        let without = attempt(false).unwrap_or(none);
+        for (own, other) in proven.iter_mut().zip(without) {
+            *own |= other;
+        }
+    }
+    proven
+}
+
+/// The lengths on which closure equations depend.
+fn lengths(model: &Model) -> Vec<&Quantity> {
+    let sides = model.cuts.iter().flat_map(|cut| &cut.sides);
+    let placements = model.links.iter().map(|link| &link.placement);
+    let steps = placements
+        .chain(sides.map(|side| &side.placement))
+        .flatten();
+    let lengths = steps.filter_map(|step| match step {
+        Step::Translate(_, length) => Some(length),
+        Step::Rotate(..) => None,
+    });
+    lengths.collect()
+}
+
+/// Ranks by which a point is known to be one of the family.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Ranks {
+    /// Of the lengths' derivatives by the free coordinates.
+    motion: usize,
+    /// Of the lengths' derivatives by names, slides and shifts.
+    lengths: usize,
+}
+
+struct Problem<'a> {
+    model: &'a Model,
+    names: &'a Names<'a>,
+    /// The groups of names in which lengths are not linear.
+    nonlinear: &'a [usize],
+    branch: &'a Branch,
+    ranks: Ranks,
+}
+
+/// What lengths are linear in.
+#[derive(Clone, Copy, Debug)]
+enum Unknown {
+    /// A group of names.
+    Group(usize),
+    /// A coordinate that slides.
+    Slide(usize),
+    /// A component of the shift of a frame on the ground.
+    Shift(usize, usize),
+}
+
+/// Random numbers (splitmix64).
+struct Random(u64);
+
+impl Random {
+    fn next<const P: u64>(&mut self) -> Residue<P> {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut x = self.0;
+        x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        Residue::new(x ^ (x >> 31))
+    }
+}
+
+/// A state of the family with its closure equations and rates.
+struct Sample<'a, const P: u64> {
+    point: Point<'a, P>,
+    state: State<Residue<P>>,
+    rates: Vec<Residue<P>>,
+}
+
+impl Problem<'_> {
+    /// Tests all directions modulo P; `None` if no points are found.
+    fn attempt<const P: u64>(&self, directions: &[Vec<(usize, Coefficient)>]) -> Option<Vec<bool>> {
+        let mut random = Random(P);
+        let bits = (P.ilog2() as f64) - libm::log2(self.degree(directions));
+        if bits < 1.0 {
+            return None;
+        }
+        #[allow(clippy::cast_sign_loss, reason = "both are positive")]
+        let count = libm::ceil(SURE_BITS / bits) as usize;
+        let mut proven = vec![true; directions.len()];
+        for _ in 0..count {
+            let mut trials = (0..MAX_TRIALS).filter_map(|_| self.sample::<P>(&mut random));
+            let sample = trials.next()?;
+            let energies = self.energies(&sample)?;
+            for (direction, proven) in directions.iter().zip(&mut proven) {
+                *proven &= is_null(&sample.point, &energies, direction).unwrap_or(false);
+            }
+        }
+        Some(proven)
+    }
+
+    /// An upper bound on the degree of the energies of a direction, times their denominators, as polynomials in
+    /// the random numbers.
+    fn degree(&self, directions: &[Vec<(usize, Coefficient)>]) -> f64 {
+        let steps = |placement: &[Step]| placement.len() as f64;
+        let sides = self.model.cuts.iter().flat_map(|cut| &cut.sides);
+        let constant = self
+            .model
+            .links
+            .iter()
+            .map(|l| steps(&l.placement))
+            .sum::<f64>()
+            + sides.map(|s| steps(&s.placement)).sum::<f64>();
+        // the entries of rotations, of both sides of a cut
+        let angles = 4.0 * (self.branch.exponents() + PARTS_OF_PLACEMENTS * constant);
+        let rows = self.model.rows() as f64;
+        // by Cramer's rule, lengths and then rates are quotients of determinants
+        let lengths = (rows + 1.0) * (angles + 16.0);
+        let entry = angles + lengths;
+        let rates = (self.model.coordinates.len() as f64 + 1.0) * entry;
+        let of_direction = |direction: &Vec<(usize, Coefficient)>| {
+            let sizes = direction.iter().map(|(_, c)| c.to_string().len() as f64);
+            sizes.sum::<f64>() * (lengths + PARTS_OF_PLACEMENTS)
+        };
+        let factors = directions.iter().map(of_direction).fold(0.0, f64::max);
+        2.0 * (rates + entry) * self.model.bodies.len().max(1) as f64 + factors
+    }
+
+    /// A random state of the family, of the mechanism with random values of the names; `None` where the random
+    /// choice fails, or what has to hold at every such state does not.
+    fn sample<const P: u64>(&self, random: &mut Random) -> Option<Sample<'_, P>> {
+        let count = self.names.groups.len();
+        let mut point = Point {
+            names: self.names,
+            constants: Constants::new(random.next())?,
+            values: (0..count).map(|_| random.next()).collect(),
+            radian: random.next(),
+        };
+        let n = self.model.coordinates.len();
+        let turns = self.branch.turns(&point, || random.next())?;
+        let mut state = State {
+            turns,
+            slides: vec![Residue::ZERO; n],
+            shifts: vec![[Residue::ZERO; 3]; ground_frames(self.model)],
+        };
+        let unknowns = self.unknowns();
+        // off the closure, for the rank of the derivatives
+        for slide in self.slides() {
+            *state.slides.get_mut(slide)? = random.next();
+        }
+        let free = self.closure(&point, &state)?;
+        if rank(self.branch.restricted(&free)) != self.ranks.motion {
+            return None;
+        }
+        // the linear equations of the lengths
+        for unknown in &unknowns {
+            set(&mut point, &mut state, *unknown, Residue::ZERO)?;
+        }
+        let at_zero = self.closure(&point, &state)?.lengths();
+        let mut columns = Vec::with_capacity(unknowns.len());
+        for unknown in &unknowns {
+            set(&mut point, &mut state, *unknown, Residue::ONE)?;
+            let one = self.closure(&point, &state)?.lengths();
+            columns.push(one.iter().zip(&at_zero).map(|(a, b)| *a - *b).collect());
+            set(&mut point, &mut state, *unknown, Residue::ZERO)?;
+        }
+        let columns: Vec<Vec<Residue<P>>> = columns;
+        let rows = (0..at_zero.len()).map(|row| {
+            let entries = columns.iter().map(|column| column[row]);
+            entries.chain([-at_zero[row]]).collect()
+        });
+        let rows: Vec<Vec<Residue<P>>> = rows.collect();
+        let without_side = rows.iter().map(|row| row[..unknowns.len()].to_vec());
+        if rank(without_side.collect()) != self.ranks.lengths {
+            return None;
+        }
+        let solution = solve(rows, unknowns.len(), || random.next())?;
+        for (unknown, value) in unknowns.iter().zip(solution) {
+            set(&mut point, &mut state, *unknown, value)?;
+        }
+        let closed = self.closure(&point, &state)?;
+        if closed.residual.iter().any(|x| !x.is_zero()) {
+            return None;
+        }
+        let motions = kernel(closed.jacobian, n);
+        if motions.len() != self.model.independent.len() {
+            return None;
+        }
+        let mut rates = vec![Residue::ZERO; n];
+        for motion in motions {
+            let factor: Residue<P> = random.next();
+            for (rate, own) in rates.iter_mut().zip(motion) {
+                *rate = *rate + factor * own;
+            }
+        }
+        Some(Sample {
+            point,
+            state,
+            rates,
+        })
+    }
+
+    /// The closure equations; `None` also where a cosine among them is not zero.
+    fn closure<const P: u64>(
+        &self,
+        point: &Point<'_, P>,
+        state: &State<Residue<P>>,
+    ) -> Option<Closure<Residue<P>>> {
+        let all = links(self.model, point, state)?;
+        let number = |number: &crate::sym::Number| point.constants.number(number);
+        let found = closure(self.model, point, state, &all, number)?;
+        let rows = found.residual.iter().zip(&found.is_length);
+        let mut cosines = rows.filter(|(_, is_length)| !**is_length);
+        cosines.all(|(x, _)| x.is_zero()).then_some(found)
+    }
+
+    fn slides(&self) -> impl Iterator<Item = usize> {
+        let all = 0..self.model.coordinates.len();
+        all.filter(|c| self.model.slides(*c) && !self.model.drives.contains(c))
+    }
+
+    fn unknowns(&self) -> Vec<Unknown> {
+        let groups = self.names.groups.iter().enumerate();
+        let groups = groups.filter(|(k, g)| !g.is_angle && !self.nonlinear.contains(k));
+        let slides = self.slides().map(Unknown::Slide);
+        let frames = 0..ground_frames(self.model);
+        groups
+            .map(|(k, _)| Unknown::Group(k))
+            .chain(slides)
+            .chain(frames.flat_map(|k| (0..3).map(move |i| Unknown::Shift(k, i))))
+            .collect()
+    }
+
+    /// What each parameter's column has in each sum that vanishes by itself; `None` of springs and effort terms,
+    /// of which nothing is proven.
+    fn energies<const P: u64>(
+        &self,
+        sample: &Sample<'_, P>,
+    ) -> Option<Vec<Option<Vec<(Sum, Residue<P>)>>>> {
+        let all = links(self.model, &sample.point, &sample.state)?;
+        let mut gravity = [Residue::ZERO; 3];
+        for (own, quantity) in gravity.iter_mut().zip(&self.model.gravity) {
+            *own = mechanism::Values::length(&sample.point, quantity)?;
+        }
+        let mut bodies = Vec::new();
+        for body in &self.model.bodies {
+            let link = all.get(body.link)?;
+            let twist = link.twist(&sample.rates);
+            let [x, y, z] = link.frame.components(&gravity);
+            let zero = Residue::ZERO;
+            let gamma = [zero, zero, zero, x, y, z];
+            bodies.push((polar(&twist, &twist), polar(&gamma, &twist)));
+        }
+        let rate = |c: usize| sample.rates.get(c).copied().unwrap_or(Residue::ZERO);
+        let half = Residue::new(2).inverse()?;
+        let columns = self.model.parameters.iter().map(|parameter| {
+            Some(match parameter.kind {
+                ParameterKind::Inertial { body, entry } => {
+                    let (kinetic, power) = bodies.get(body)?;
+                    vec![
+                        (Sum::Kinetic, *kinetic.get(entry)?),
+                        (Sum::AtRest, -*power.get(entry)?),
+                    ]
+                }
+                ParameterKind::Rotor { coordinate } => {
+                    vec![(Sum::Kinetic, rate(coordinate) * rate(coordinate))]
+                }
+                ParameterKind::Offset { coordinate } => vec![(Sum::AtRest, rate(coordinate))],
+                ParameterKind::Friction { coordinate, column } => {
+                    let own = rate(coordinate);
+                    let (leader, factor) = self.branch.proportional(coordinate)?;
+                    let factor = Residue::of_fraction(factor)?;
+                    let lead = rate(leader);
+                    if own != factor * lead {
+                        return None;
+                    }
+                    // |own| is |factor| |lead|, and |lead| and sgn(lead) are no polynomials: their factors vanish
+                    let size = Residue::of_fraction(&self.branch.size(coordinate)?)?;
+                    let [v, c, e] = [
+                        (Sum::Viscous, own * own),
+                        (Sum::Coulomb(leader), size),
+                        (Sum::Uneven(leader), size * factor),
+                    ];
+                    let halved = |(sum, x): (Sum, Residue<P>)| (sum, half * x);
+                    let offset = halved((Sum::AtRest, own));
+                    let minus = |(sum, x): (Sum, Residue<P>)| (sum, -x);
+                    if own.is_zero() {
+                        return Some(Vec::new());
+                    }
+                    match column {
+                        FrictionColumn::Viscous => vec![v],
+                        FrictionColumn::Coulomb => vec![c],
+                        FrictionColumn::ViscousPositive => vec![halved(v), halved(e)],
+                        FrictionColumn::ViscousNegative => vec![halved(v), minus(halved(e))],
+                        FrictionColumn::CoulombPositive => vec![halved(c), offset],
+                        FrictionColumn::CoulombNegative => vec![halved(c), minus(offset)],
+                    }
+                }
+                ParameterKind::JointSpring { .. }
+                | ParameterKind::EffortTerm { .. }
+                | ParameterKind::PointSpring { .. } => return None,
+            })
+        });
+        Some(columns.collect())
+    }
+}
+
+/// A bound on the powers of a name's number in the entries of a placement's step.
+const PARTS_OF_PLACEMENTS: f64 = 5040.0;
+
+/// A sum over the parameters of a null direction that is zero by itself: of other degree in the velocities, or of
+/// other sign where they are reversed, than the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Sum {
+    Kinetic,
+    /// Gravity's power, and that of constant efforts.
+    AtRest,
+    Viscous,
+    /// What multiplies the size of a coordinate's rate.
+    Coulomb(usize),
+    /// What multiplies the size of a coordinate's rate times the rate.
+    Uneven(usize),
+}
+
+/// Whether all sums of a direction are zero; `None` where one of its factors has no value.
+fn is_null<const P: u64>(
+    point: &Point<'_, P>,
+    energies: &[Option<Vec<(Sum, Residue<P>)>>],
+    direction: &[(usize, Coefficient)],
+) -> Option<bool> {
+    let mut sums: BTreeMap<Sum, Residue<P>> = BTreeMap::new();
+    for (column, coefficient) in direction {
+        let factor = point.coefficient(coefficient)?;
+        for (sum, energy) in energies.get(*column)?.as_ref()? {
+            let own = sums.entry(*sum).or_insert(Residue::ZERO);
+            *own = *own + factor * *energy;
+        }
+    }
+    Some(sums.values().all(|sum| sum.is_zero()))
+}
+
+fn set<const P: u64>(
+    point: &mut Point<'_, P>,
+    state: &mut State<Residue<P>>,
+    unknown: Unknown,
+    value: Residue<P>,
+) -> Option<()> {
+    let place = match unknown {
+        Unknown::Group(group) => point.values.get_mut(group)?,
+        Unknown::Slide(coordinate) => state.slides.get_mut(coordinate)?,
+        Unknown::Shift(frame, axis) => state.shifts.get_mut(frame)?.get_mut(axis)?,
+    };
+    *place = value;
+    Some(())
+}
+
+impl<S: Scalar> Closure<S> {
+    /// The residuals of lengths.
+    fn lengths(&self) -> Vec<S> {
+        let rows = self.residual.iter().zip(&self.is_length);
+        let lengths = rows.filter(|(_, is_length)| **is_length);
+        lengths.map(|(x, _)| *x).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,115 @@
+#![allow(clippy::unwrap_used)]
+use super::*;
+use crate::constraints::{NumericLoops, close_home, world_equations};
+use crate::diag::Source;
+use crate::kinematics::{Frames, Geometry};
+use crate::sym::Graph;
+
+/// A parallelogram of a crank and a rocker with the same length, on one branch of the two.
+fn parallelogram(home: &str) -> String {
+    format!(
+        "name: parallelogram
+geometry: {{l: 0.4, w: 0.25}}
+limbs:
+  - name: driven
+    base: {{rpy: [pi/2, 0, 0]}}
+    joints:
+      - {{name: q1, type: revolute, body: 1, actuated: true}}
+      - {{name: q2, type: revolute, dh: {{a: l}}, body: 2}}
+  - name: following
+    base: {{xyz: [w, 0, 0], rpy: [pi/2, 0, 0]}}
+    joints:
+      - {{name: q3, type: revolute, body: 3}}
+cuts:
+  - {{name: pin, joint: revolute, between: [{{body: 2, xyz: [w, 0, 0]}}, {{body: 3, xyz: [l, 0, 0]}}]}}
+home: {home}
+"
+    )
+}
+
+/// For each direction, as factors with labels, whether it is proven.
+fn proven_of(text: &str, directions: &[&[(&str, &str)]]) -> Vec<bool> {
+    let spec = crate::spec::parse(&Source::new("test.yaml", text)).unwrap();
+    let model = crate::model::build(&spec);
+    let mut g = Graph::new();
+    for coordinate in &model.coordinates {
+        g.symbol(&coordinate.name);
+    }
+    let frames = Frames::new(&mut g, &model, Geometry::Values);
+    let equations = world_equations(&mut g, &frames, &model, None);
+    let home = close_home(&NumericLoops::new(&g, &equations, &model), &model).unwrap();
+    let column = |label: &str| model.parameters.iter().position(|p| p.label == label);
+    let directions: Vec<Vec<(usize, Coefficient)>> = directions
+        .iter()
+        .map(|terms| {
+            let terms = terms.iter();
+            terms
+                .map(|(factor, label)| {
+                    (column(label).unwrap(), Coefficient::parse(factor).unwrap())
+                })
+                .collect()
+        })
+        .collect();
+    proven(&spec, &model, (&home, 1), &directions)
+}
+
+const PARALLEL: &str = "{q1: 1.1, q2: -1.1, q3: 1.1}";
+
+#[test]
+fn true_directions_of_a_parallelogram_are_proven_and_false_ones_are_not() {
+    let directions: [&[(&str, &str)]; 6] = [
+        // the coupler does not turn: its moments have no effect
+        &[("1", "Izz(2)")],
+        // crank and rocker turn alike
+        &[("1", "Izz(1)"), ("-1", "Izz(3)")],
+        // a mass on the coupler is one on the crank's end
+        &[("1", "m(2)"), ("-l^2", "Izz(3)"), ("-l", "mx(3)")],
+        &[("1", "m(2)"), ("-l^2", "Izz(3)"), ("-w", "mx(3)")],
+        &[("1", "m(2)"), ("-0.16", "Izz(3)"), ("-l", "mx(3)")],
+        &[("1", "Izz(1)")],
+    ];
+    assert_eq!(
+        proven_of(&parallelogram(PARALLEL), &directions),
+        [true, true, true, false, false, false]
+    );
+}
+
+#[test]
+fn what_holds_on_one_branch_is_not_proven_on_the_other() {
+    let crossed = parallelogram("{q1: 1.1, q2: -3.862, q3: 2.422}");
+    let directions: [&[(&str, &str)]; 2] = [
+        &[("1", "Izz(2)")],
+        // of any loop in this plane
+        &[("1", "Ixx(2)")],
+    ];
+    assert_eq!(proven_of(&crossed, &directions), [false, true]);
+}
+
+#[test]
+fn a_loop_that_a_body_carries_is_proven_with_lengths_of_its_own() {
+    let text = "name: turntable
+geometry: {e: 0.45, r: 0.22, s: 0.41, u: 0.33}
+limbs:
+  - name: table
+    joints: [{name: z, type: revolute, body: table, actuated: true}]
+  - name: left
+    from: table
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true}
+      - {name: q2, type: revolute, origin: {xyz: [r, 0, 0]}, body: 2}
+  - name: right
+    from: table
+    base: {xyz: [e, 0, 0], rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q3, type: revolute, body: 3}
+cuts:
+  - {name: pin, joint: revolute, between: [{body: 2, xyz: [s, 0, 0]}, {body: 3, xyz: [u, 0, 0]}]}
+home: {q1: 1.2, q2: -1.0, q3: 1.6}
+";
+    let directions: [&[(&str, &str)]; 2] = [
+        &[("r", "Iyz(1)"), ("s", "Iyz(2)"), ("-u", "Iyz(3)")],
+        &[("r", "Iyz(1)"), ("s", "Iyz(2)"), ("u", "Iyz(3)")],
+    ];
+    assert_eq!(proven_of(text, &directions), [true, false]);
+}
