@@ -11,7 +11,7 @@ use crate::sym::Number;
 
 use super::Ranks;
 use super::expression::{Names, Point};
-use super::mechanism::{Closure, Scalar, State, Values, closure, ground_frames, links};
+use super::mechanism::{Closure, Observer, Scalar, State, Values, closure, ground_frames, links};
 use super::residue::Residue;
 
 /// The angle of a coordinate: a constant plus a sum of free angles times factors.
@@ -232,7 +232,7 @@ impl Branch {
             more(&mut state);
             let all = links(model, &Given, &state)?;
             let number = |x: &Number| Some(Float320::from_number(x));
-            closure(model, &Given, &state, &all, number)
+            closure(model, &Given, (&state, &all), Observer::World, number)
         };
         let closed = at_home(model, &|_| {})?;
         let motion = rank(self.restricted(&closed));

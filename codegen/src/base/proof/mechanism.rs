@@ -194,6 +194,14 @@ pub(super) fn links<S: Scalar>(
     Some(all)
 }
 
+/// Where an open gap is observed: in the world, or on the last link that carries both sides of the cut. The equations
+/// vanish for the same states; where they do not vanish, their derivatives differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Observer {
+    World,
+    Carrier,
+}
+
 /// The closure equations of all cuts, and one row for each coupling: a length if it couples slides, whose residual is
 /// left 0 otherwise. `None` where one is not algebraic, or a quantity has no value.
 ///
@@ -201,8 +209,8 @@ pub(super) fn links<S: Scalar>(
 pub(super) fn closure<S: Scalar>(
     model: &Model,
     values: &impl Values<S>,
-    state: &State<S>,
-    links: &[LinkState<S>],
+    (state, links): (&State<S>, &[LinkState<S>]),
+    observer: Observer,
     number: impl Fn(&crate::sym::Number) -> Option<S>,
 ) -> Option<Closure<S>> {
     let on_links = model.links.iter().filter(|link| link.parent.is_none());
@@ -230,11 +238,13 @@ pub(super) fn closure<S: Scalar>(
     for cut in &model.cuts {
         let [(a, joints_a), (b, joints_b)] = [side(&cut.sides[0])?, side(&cut.sides[1])?];
         let gap = difference(&b.origin, &a.origin);
-        // joints that carry both sides turn an open gap, and change nothing in the frame that they carry
         let pairs = joints_a.iter().zip(joints_b);
-        let shared = pairs
-            .take_while(|(a, b)| a.coordinate == b.coordinate)
-            .count();
+        let shared = match observer {
+            Observer::World => 0,
+            Observer::Carrier => pairs
+                .take_while(|(a, b)| a.coordinate == b.coordinate)
+                .count(),
+        };
         let (joints_a, joints_b) = (joints_a.get(shared..)?, joints_b.get(shared..)?);
         for row in cut.kind.rows() {
             let (mut entries, mut is_length) = (vec![S::ZERO; n], true);

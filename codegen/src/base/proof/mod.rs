@@ -30,7 +30,7 @@ use crate::spec::{Quantity, Spec};
 use branch::Branch;
 use expression::{Names, Point};
 use linear::{kernel, rank, solve};
-use mechanism::{Closure, Scalar, State, closure, dot, ground_frames, links};
+use mechanism::{Closure, Observer, Scalar, State, closure, dot, ground_frames, links};
 use residue::{Constants, Residue};
 
 /// Primes that are 1 modulo [`residue::TURN`]: one has no square root of some primes, which others have.
@@ -224,19 +224,22 @@ impl Problem<'_> {
         for slide in self.slides() {
             *state.slides.get_mut(slide)? = random.next();
         }
-        let free = self.closure(&point, &state)?;
-        if rank(self.branch.restricted(&free)) != self.ranks.motion {
+        let has_rank = |observer| {
+            let free = self.closure(&point, &state, observer);
+            free.is_some_and(|free| rank(self.branch.restricted(&free)) == self.ranks.motion)
+        };
+        if !has_rank(Observer::World) && !has_rank(Observer::Carrier) {
             return None;
         }
         // the linear equations of the lengths
         for unknown in &unknowns {
             set(&mut point, &mut state, *unknown, Residue::ZERO)?;
         }
-        let at_zero = self.closure(&point, &state)?.lengths();
+        let at_zero = self.closure(&point, &state, Observer::World)?.lengths();
         let mut columns = Vec::with_capacity(unknowns.len());
         for unknown in &unknowns {
             set(&mut point, &mut state, *unknown, Residue::ONE)?;
-            let one = self.closure(&point, &state)?.lengths();
+            let one = self.closure(&point, &state, Observer::World)?.lengths();
             columns.push(one.iter().zip(&at_zero).map(|(a, b)| *a - *b).collect());
             set(&mut point, &mut state, *unknown, Residue::ZERO)?;
         }
@@ -254,7 +257,7 @@ impl Problem<'_> {
         for (unknown, value) in unknowns.iter().zip(solution) {
             set(&mut point, &mut state, *unknown, value)?;
         }
-        let closed = self.closure(&point, &state)?;
+        let closed = self.closure(&point, &state, Observer::World)?;
         if closed.residual.iter().any(|x| !x.is_zero()) {
             return None;
         }
@@ -281,10 +284,11 @@ impl Problem<'_> {
         &self,
         point: &Point<'_, P>,
         state: &State<Residue<P>>,
+        observer: Observer,
     ) -> Option<Closure<Residue<P>>> {
         let all = links(self.model, point, state)?;
         let number = |number: &crate::sym::Number| point.constants.number(number);
-        let found = closure(self.model, point, state, &all, number)?;
+        let found = closure(self.model, point, (state, &all), observer, number)?;
         let rows = found.residual.iter().zip(&found.is_length);
         let mut cosines = rows.filter(|(_, is_length)| !**is_length);
         cosines.all(|(x, _)| x.is_zero()).then_some(found)

@@ -113,3 +113,34 @@ home: {q1: 1.2, q2: -1.0, q3: 1.6}
     ];
     assert_eq!(proven_of(text, &directions), [true, false]);
 }
+
+/// A scissor and a kite upon it, with one degree of freedom: on this branch angles are related, and in the world's
+/// frame one equation of the kite holds by the relations alone.
+#[test]
+fn relations_that_angles_have_on_the_branch_are_part_of_the_proof() {
+    let text = "name: scissors
+geometry: {a: 0.3, b: 0.35}
+limbs:
+  - name: one
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true}
+      - {name: p1, type: revolute, origin: {xyz: [a, 0, 0]}, body: 2}
+      - {name: q3, type: revolute, origin: {xyz: [b, 0, 0]}, body: 3}
+      - {name: p2, type: revolute, origin: {xyz: [a, 0, 0]}, body: 4}
+  - name: slider
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: x, type: prismatic, axis: x, body: slide}
+cuts:
+  - {name: foot, joint: revolute, between: [{body: slide}, {body: 2, xyz: [-a, 0, 0]}]}
+  - {name: knee, joint: revolute, between: [{body: 1, xyz: [a + b, 0, 0]}, {body: 4, xyz: [-a, 0, 0]}]}
+home: {q1: 0.6, p1: 1.94, q3: -1.94, p2: 1.94, x: 0.5}
+";
+    let directions: [&[(&str, &str)]; 2] = [
+        // the two bars of the scissor turn alike
+        &[("1", "Izz(1)"), ("-1", "Izz(2)")],
+        &[("1", "Izz(1)"), ("-1", "Izz(3)")],
+    ];
+    assert_eq!(proven_of(text, &directions), [true, false]);
+}
