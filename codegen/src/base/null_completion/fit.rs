@@ -1,11 +1,14 @@
 //! Factors as functions of the geometry names, found from the change of a factor when the names are
 //! scaled, one at a time and all together.
 
+use dashu_int::IBig;
+
 use crate::base::certificate::Float320;
 use crate::base::field::{Element, Field, Variable};
 use crate::sym::Number;
 
 use super::recognise::{agree, factors, is_rounding, recognise};
+use super::relation::relation;
 use super::scaled_geometry::{Group, Powers};
 
 /// The largest power of a name, in absolute value, in a product.
@@ -14,8 +17,11 @@ const MAX_POWER: i64 = 4;
 const MAX_POWER_OF_SINE: i64 = 2;
 /// The largest power of a name, in absolute value, in a sum.
 const MAX_POWER_IN_SUM: i64 = 2;
-/// The largest number of candidate terms for a sum.
+/// The largest number of candidate terms for a sum, or for both sums of a quotient.
 const MAX_CANDIDATES: usize = 14;
+/// The degrees in the lengths of a quotient's numerator and denominator, short ones first.
+const DEGREES_OF_QUOTIENTS: [[i64; 2]; 7] =
+    [[0, 1], [1, 1], [2, 1], [1, 2], [2, 2], [0, 2], [3, 2]];
 
 /// The value of a factor with scaled names.
 #[derive(Clone, Debug)]
@@ -67,21 +73,33 @@ struct Product {
     powers: Vec<Powers>,
 }
 
-/// A sum of products of powers.
+/// A sum of products of powers, or a quotient of two.
 #[derive(Clone, Debug)]
-pub(super) struct Fit(Vec<Product>);
+pub(super) struct Fit {
+    terms: Vec<Product>,
+    /// The terms of the denominator; none where it is 1.
+    below: Vec<Product>,
+}
 
 impl Fit {
-    /// Finds the factor as a function of the names: a constant times powers of the names, or a
-    /// short sum of such products.
+    /// Finds the factor as a function of the names: a constant times powers of the names, a
+    /// short sum of such products, or a quotient of two sums such as `(b - a)/(a + b)`.
     pub(super) fn find(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
         if is_rounding(&observed.value) {
             let zero = observed.all_scaled.iter().all(|e| is_rounding(&e.value));
-            return zero.then(|| Fit(Vec::new()));
+            return zero.then(|| Fit::sum(Vec::new()));
         }
         monomial(observed, groups, scale)
             .filter(|fit| fit.agrees_with(observed, groups))
             .or_else(|| sum(observed, groups, scale))
+            .or_else(|| quotient(observed, groups, scale))
+    }
+
+    fn sum(terms: Vec<Product>) -> Fit {
+        Fit {
+            terms,
+            below: Vec::new(),
+        }
     }
 
     /// Whether the function agrees with the factor at the given geometry and wherever all groups
@@ -96,43 +114,60 @@ impl Fit {
     }
 
     fn value(&self, groups: &[Group], scales: Option<&[Number]>) -> Option<Number> {
-        let mut sum = Number::zero();
-        for product in &self.0 {
-            let powers = powers_of(groups, scales, &product.powers)?;
-            sum = sum.add(&product.factor.mul(&powers));
+        let sum_of = |terms: &[Product]| -> Option<Number> {
+            let mut sum = Number::zero();
+            for product in terms {
+                let powers = powers_of(groups, scales, &product.powers)?;
+                sum = sum.add(&product.factor.mul(&powers));
+            }
+            Some(sum)
+        };
+        let above = sum_of(&self.terms)?;
+        if self.below.is_empty() {
+            return Some(above);
         }
-        Some(sum)
+        above.div(&sum_of(&self.below)?)
     }
 
     /// The function as an element of the field.
     pub(super) fn element(&self, field: &mut Field, groups: &[Group]) -> Element {
-        let mut sum = Element::zero();
-        for product in &self.0 {
-            let mut term = Element::exact(product.factor.clone());
-            for (group, power) in groups.iter().zip(&product.powers) {
-                let name = Variable::Name(group.name.clone());
-                let name = field.variable(name, group.value.clone());
-                let variables = if group.is_angle {
-                    let (sin, cos) = field.sin_cos_of(&name);
-                    [cos, sin]
-                } else {
-                    [name, Element::one()]
-                };
-                for (variable, power) in variables.iter().zip(power) {
-                    for _ in 0..power.unsigned_abs() {
-                        term = if *power > 0 {
-                            field.mul(&term, variable)
-                        } else {
-                            // neither the value of a group is zero, nor its sine or cosine
-                            field.div(&term, variable).unwrap_or_else(Element::zero)
-                        };
-                    }
+        let above = element_of(&self.terms, field, groups);
+        if self.below.is_empty() {
+            return above;
+        }
+        let below = element_of(&self.below, field, groups);
+        // the denominator was not zero at any sample
+        field.div(&above, &below).unwrap_or_else(Element::zero)
+    }
+}
+
+fn element_of(terms: &[Product], field: &mut Field, groups: &[Group]) -> Element {
+    let mut sum = Element::zero();
+    for product in terms {
+        let mut term = Element::exact(product.factor.clone());
+        for (group, power) in groups.iter().zip(&product.powers) {
+            let name = Variable::Name(group.name.clone());
+            let name = field.variable(name, group.value.clone());
+            let variables = if group.is_angle {
+                let (sin, cos) = field.sin_cos_of(&name);
+                [cos, sin]
+            } else {
+                [name, Element::one()]
+            };
+            for (variable, power) in variables.iter().zip(power) {
+                for _ in 0..power.unsigned_abs() {
+                    term = if *power > 0 {
+                        field.mul(&term, variable)
+                    } else {
+                        // neither the value of a group is zero, nor its sine or cosine
+                        field.div(&term, variable).unwrap_or_else(Element::zero)
+                    };
                 }
             }
-            sum = field.add(&sum, &term);
         }
-        sum
+        sum = field.add(&sum, &term);
     }
+    sum
 }
 
 /// The product of powers of the names, with each name scaled if `scales` are given.
@@ -191,7 +226,7 @@ fn monomial(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Optio
             .value
             .checked_div(Float320::from_number(&product))?,
     )?;
-    Some(Fit(vec![Product { factor, powers }]))
+    Some(Fit::sum(vec![Product { factor, powers }]))
 }
 
 /// A sum, found as an integer relation among products of powers at unrelated values of the names.
@@ -249,7 +284,7 @@ fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit
                 factor: root.mul(&Number::from_rational(f)),
                 powers,
             });
-            let fit = Fit(terms.filter(|t| !t.factor.is_zero()).collect());
+            let fit = Fit::sum(terms.filter(|t| !t.factor.is_zero()).collect());
             // terms may be related by chance at one set of values; at others they are not
             if fit.agrees_with(observed, groups) {
                 return Some(fit);
@@ -257,6 +292,74 @@ fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit
         }
     }
     None
+}
+
+/// A quotient of homogeneous polynomials in the lengths on which the factor depends, found as an integer relation
+/// among their terms, those of the denominator times the factor; `None` also of a factor that depends on angles.
+fn quotient(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
+    let sample = observed.all_scaled.first()?;
+    let mut involved = Vec::new();
+    for (k, (after, group)) in observed.one_scaled.iter().zip(groups).enumerate() {
+        let changes =
+            after.is_some_and(|a| power(&observed.value, &a, scale, group) != Some([0; 2]));
+        if changes && group.is_angle {
+            return None;
+        }
+        if changes {
+            involved.push(k);
+        }
+    }
+    let of_degree = |degree: i64| -> Vec<Vec<Powers>> {
+        let mut all = vec![(vec![[0; 2]; groups.len()], degree)];
+        for (place, &k) in involved.iter().enumerate() {
+            let is_last = place + 1 == involved.len();
+            let powers = all.into_iter().flat_map(|(powers, left)| {
+                let least = if is_last { left } else { 0 };
+                (least..=left).map(move |power| {
+                    let mut powers = powers.clone();
+                    powers[k] = [power, 0];
+                    (powers, left - power)
+                })
+            });
+            all = powers.collect();
+        }
+        all.into_iter().map(|(powers, _)| powers).collect()
+    };
+    if !(2..=3).contains(&involved.len()) {
+        return None;
+    }
+    DEGREES_OF_QUOTIENTS.into_iter().find_map(|[above, below]| {
+        let (above, below) = (of_degree(above), of_degree(below));
+        if above.len() + below.len() > MAX_CANDIDATES {
+            return None;
+        }
+        let value = |powers: &Vec<Powers>| {
+            powers_of(groups, Some(&sample.scales), powers).map(|x| Float320::from_number(&x))
+        };
+        let times_factor = |powers: &Vec<Powers>| Some(value(powers)? * sample.value);
+        let values = above
+            .iter()
+            .map(value)
+            .chain(below.iter().map(times_factor));
+        let integers = relation(&values.collect::<Option<Vec<Float320>>>()?)?;
+        let (of_above, of_below) = integers.split_at_checked(above.len())?;
+        let products = |all: Vec<Vec<Powers>>, factors: &[IBig], sign: i64| -> Vec<Product> {
+            let products = all
+                .into_iter()
+                .zip(factors)
+                .map(|(powers, factor)| Product {
+                    factor: Number::from_rational(factor.clone().into())
+                        .mul(&Number::from_i64(sign)),
+                    powers,
+                });
+            products.filter(|p| !p.factor.is_zero()).collect()
+        };
+        let fit = Fit {
+            terms: products(above, of_above, 1),
+            below: products(below, of_below, -1),
+        };
+        (!fit.below.is_empty() && fit.agrees_with(observed, groups)).then_some(fit)
+    })
 }
 
 #[cfg(test)]
@@ -317,12 +420,14 @@ mod tests {
     #[test]
     fn products_of_lengths_and_sums_of_their_ratios_are_found_from_their_values() {
         let half = Number::ratio(1, 2).unwrap();
-        let functions: [Function<'_>; 5] = [
+        let functions: [Function<'_>; 7] = [
             &|a, b| a.add(&b.mul(&half)),
             &|a, b| a.mul(b).mul(&half),
             &|a, b| b.mul(b).div(a).unwrap(),
             &|a, b| a.div(b).unwrap().add(&half),
             &|a, b| a.div(b).unwrap().sub(&b.mul(b).div(&a.mul(a)).unwrap()),
+            &|a, b| b.sub(a).div(&a.add(b)).unwrap(),
+            &|a, b| a.mul(b).div(&a.mul(a).add(&b.mul(b)).mul(&half)).unwrap(),
         ];
         for (k, f) in functions.into_iter().enumerate() {
             let (sampled, groups, scale) = observed(f);
