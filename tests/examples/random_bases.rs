@@ -20,6 +20,8 @@ struct Count {
     short: usize,
     directions: usize,
     with_numbers: usize,
+    rows: usize,
+    unproven: usize,
     uncertified: usize,
     failed: usize,
     worst: (f64, u64),
@@ -43,7 +45,7 @@ fn main() -> ExitCode {
     println!(
         "seeds {first} to {}: {} judged, {} fail; worst row {:.1e} \
          (seed {}); trees fall short in {}, by {} directions, with factors that are numbers only \
-         in {}; {} more say themselves that they cannot be certified; slowest {:.2} s (seed {})",
+         in {}; {} of {} rows are neither derived nor proven; {} more say themselves that they cannot be certified; slowest {:.2} s (seed {})",
         seed - 1,
         count.judged + count.failed,
         count.failed,
@@ -52,6 +54,8 @@ fn main() -> ExitCode {
         count.short,
         count.directions,
         count.with_numbers,
+        count.unproven,
+        count.rows,
         count.uncertified,
         count.slowest.0,
         count.slowest.1
@@ -70,6 +74,8 @@ impl Count {
         match verdict {
             Ok(Verdict::Correct(found)) => {
                 self.judged += 1;
+                self.rows += found.rank;
+                self.unproven += found.unproven;
                 if found.completed > 0 {
                     self.short += 1;
                     self.directions += found.completed;

@@ -2,7 +2,7 @@
 //! combinations that the engine derived.
 
 use nalgebra::DMatrix;
-use regen_codegen::base::{Analysis, Base, Term, analyse, derive};
+use regen_codegen::base::{Analysis, Base, Provenance, Term, analyse, derive};
 use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
 use regen_codegen::diag::Source;
 use regen_codegen::kinematics::{Frames, Geometry};
@@ -215,6 +215,8 @@ pub struct BaseFigures {
     /// The number of factors in these directions that were left as plain numbers, because no
     /// expression in the geometry was recognised.
     pub numbers: usize,
+    /// The number of base parameters whose combination is neither derived nor proven.
+    pub unproven: usize,
 }
 
 /// The largest relative error of a row that is accepted.
@@ -276,6 +278,9 @@ pub fn check_base(text: &str, seed: u64) -> Result<Verdict, String> {
         error: agreement.error,
         completed: derivation.base.completed,
         numbers: derivation.base.unrecognised.len(),
+        unproven: (derivation.base.parameters.iter())
+            .filter(|p| p.provenance == Provenance::Completed)
+            .count(),
     }))
 }
 
