@@ -6,6 +6,7 @@ use crate::closure::Split;
 use crate::equations::{Group, Point, Problem};
 use crate::fit::CalibrateError;
 use crate::geometry::Unit;
+use crate::placed::Placed;
 use crate::simulate::Draws;
 use crate::structure::{Reached, Structure};
 
@@ -228,7 +229,7 @@ fn drawn(count: usize, below: usize, draws: &mut Draws) -> Vec<usize> {
 /// The workspace: limits, and what a state must keep.
 struct Workspace<'a> {
     problem: &'a Problem<'a>,
-    scalars: &'a [f64],
+    placed: Placed<'a>,
     split: &'a Split,
     ranges: Vec<[f64; 2]>,
     /// The least ratio of the singular values of A_e.
@@ -241,7 +242,7 @@ impl Workspace<'_> {
         if self.split.dependent.is_empty() {
             return 1.0;
         }
-        let closure = self.problem.kinematics.closure(self.scalars, q);
+        let closure = self.placed.closure(q, None);
         let a = closure.by_coordinate.select_columns(&self.split.dependent);
         let singular = a.singular_values();
         singular.min() / singular.max()
@@ -269,8 +270,7 @@ impl Workspace<'_> {
             let done = f64::from(part) / f64::from(parts);
             let ends = first.iter().zip(target);
             let next: Vec<f64> = ends.map(|(a, b)| a + done * (b - a)).collect();
-            let kinematics = self.problem.kinematics;
-            q = kinematics.reach(self.scalars, self.split, &q, &next)?;
+            q = self.placed.reach(self.split, &q, &next)?;
             if !self.is_within(&q) || self.condition(&q) < self.bound {
                 return None;
             }
@@ -375,7 +375,7 @@ impl Problem<'_> {
         let mut draws = Draws::new(what.seed);
         let mut workspace = Workspace {
             problem: self,
-            scalars: &start.scalars,
+            placed: Placed::new(self.kinematics, &start.scalars),
             split: &start.split,
             ranges: start.split.driving.iter().map(|c| self.range(*c)).collect(),
             bound: 0.0,

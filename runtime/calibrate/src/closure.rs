@@ -1,9 +1,10 @@
 //! Loops closed for any geometry: the closure equations, their derivatives, and the coordinates that
 //! solve them.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use crate::kinematics::{Amount, Axis, Kinematics, Row, View};
+use crate::kinematics::{Axis, Kinematics, Row};
+use crate::placed::Placed;
 
 /// The closure residual above which coordinates are not closed, m or 1.
 const CLOSED: f64 = 1e-11;
@@ -33,27 +34,33 @@ pub struct Split {
 }
 
 /// A row's residual, and what multiplies the velocity and the angular velocity of side B less those
-/// of side A. The velocity is that of the frame's own origin for a position, else that at pB.
-fn row(row: Row, [a, b]: [&View; 2]) -> (f64, Vector3<f64>, Vector3<f64>) {
-    let gap = b.point - a.point;
+/// of side A, each given by its axes and its point. The velocity is that of the frame's own origin for a
+/// position, else that at pB.
+pub(crate) fn row(
+    row: Row,
+    [a, b]: [(&Matrix3<f64>, &Vector3<f64>); 2],
+) -> (f64, Vector3<f64>, Vector3<f64>) {
+    let gap = b.1 - a.1;
+    let of_a = |axis: Axis| a.0.column(axis.index()).into_owned();
+    let of_b = |axis: Axis| b.0.column(axis.index()).into_owned();
     match row {
         Row::Position(axis) => {
             let unit = Vector3::ith(axis.index(), 1.0);
             (gap[axis.index()], unit, Vector3::zeros())
         }
         Row::Axes(i, j) => {
-            let (u, v) = (a.axis(i), b.axis(j));
+            let (u, v) = (of_a(i), of_b(j));
             (u.dot(&v), Vector3::zeros(), v.cross(&u))
         }
         Row::Offset(axis) => {
-            let u = a.axis(axis);
+            let u = of_a(axis);
             (u.dot(&gap), u, Vector3::zeros())
         }
         Row::Screw(lead) => {
-            let [x, y, z] = [Axis::X, Axis::Y, Axis::Z].map(|axis| a.axis(axis));
+            let [x, y, z] = [Axis::X, Axis::Y, Axis::Z].map(of_a);
             let (sin, cos) = libm::sincos(z.dot(&gap) / lead);
             let across = sin * x - cos * y;
-            let xb = b.axis(Axis::X);
+            let xb = of_b(Axis::X);
             let along = (cos * x + sin * y).dot(&xb);
             (lead * across.dot(&xb), along * z, lead * xb.cross(&across))
         }
@@ -63,61 +70,8 @@ fn row(row: Row, [a, b]: [&View; 2]) -> (f64, Vector3<f64>, Vector3<f64>) {
 impl Kinematics {
     /// The closure equations at a state, in the order of [`Kinematics::rows`].
     pub fn closure(&self, scalars: &[f64], q: &[f64]) -> Closure {
-        self.closure_by(scalars, q, self.scalars)
-    }
-
-    /// The same with derivatives by this many of the scalars.
-    fn closure_by(&self, scalars: &[f64], q: &[f64], slopes: usize) -> Closure {
-        let rows = self.rows();
-        let mut out = Closure {
-            residual: DVector::zeros(rows),
-            by_coordinate: DMatrix::zeros(rows, self.coordinates.len()),
-            by_scalar: DMatrix::zeros(rows, slopes),
-        };
-        let links = self.links_by(scalars, q, slopes > 0);
-        let mut at = 0;
-        for cut in &self.cuts {
-            let [a, b] =
-                [0, 1].map(|k| self.along_by(&links, &cut.sides[k], (scalars, q), slopes > 0));
-            for equation in &cut.rows {
-                let (residual, linear, angular) = row(*equation, [&a, &b]);
-                out.residual[at] = residual;
-                for (view, sign) in [(&a, -1.0), (&b, 1.0)] {
-                    let point = match equation {
-                        Row::Position(_) => view.point,
-                        _ => b.point,
-                    };
-                    for motion in &view.motions {
-                        if matches!(motion.amount, Amount::Scalar(k) if k >= slopes) {
-                            continue;
-                        }
-                        let value = linear.dot(&motion.velocity_of(&point))
-                            + angular.dot(&motion.turning());
-                        let value = sign * value;
-                        match motion.amount {
-                            Amount::Coordinate(c, _) => out.by_coordinate[(at, c)] += value,
-                            Amount::Scalar(k) => out.by_scalar[(at, k)] += value,
-                        }
-                    }
-                }
-                at += 1;
-            }
-        }
-        for coupling in &self.couplings {
-            out.residual[at] = -coupling.constant;
-            let terms = coupling.terms.iter().map(|(c, factor)| (*c, -factor));
-            for (c, factor) in terms.chain([(coupling.key, 1.0)]) {
-                let own = q.get(c).copied().unwrap_or(0.0);
-                let (scale, place) = self.scale(scalars, c);
-                out.residual[at] += factor * scale * own;
-                out.by_coordinate[(at, c)] += factor * scale;
-                if let Some(place) = place.filter(|place| *place < slopes) {
-                    out.by_scalar[(at, place)] += factor * own;
-                }
-            }
-            at += 1;
-        }
-        out
+        let all = vec![true; self.scalars];
+        Placed::new(self, scalars).closure(q, Some(&all))
     }
 
     /// Chooses the coordinates that drive the mechanism among those that are measured, the first
@@ -125,7 +79,8 @@ impl Kinematics {
     /// `None` if the measured ones do not determine the state at home.
     pub fn split(&self, scalars: &[f64], measured: &[usize]) -> Option<Split> {
         let all = self.coordinates.len();
-        let a = self.closure(scalars, &self.home).by_coordinate;
+        let a = Placed::new(self, scalars).closure(&self.home, None);
+        let a = a.by_coordinate;
         // dependent first: what is not measured, then the last measured ones
         let mut order: Vec<usize> = (0..all).filter(|c| !measured.contains(c)).collect();
         let unmeasured = order.len();
@@ -169,13 +124,25 @@ impl Kinematics {
         start: &[f64],
         target: &[f64],
     ) -> Option<Vec<f64>> {
+        Placed::new(self, scalars).reach(split, start, target)
+    }
+
+    /// Closes the loops by Newton's method, with the driving coordinates as they are.
+    pub fn close(&self, scalars: &[f64], split: &Split, q: Vec<f64>) -> Option<Vec<f64>> {
+        Placed::new(self, scalars).close(split, q)
+    }
+}
+
+impl Placed<'_> {
+    /// As [`Kinematics::reach`].
+    pub(crate) fn reach(&self, split: &Split, start: &[f64], target: &[f64]) -> Option<Vec<f64>> {
         let mut q = start.to_vec();
         let from: Vec<f64> = split.driving.iter().map(|c| start[*c]).collect();
         let (mut done, mut part) = (0.0_f64, 1.0_f64);
         while done < 1.0 {
             let next = (done + part).min(1.0);
             let along = |k: usize| from[k] + next * (target[k] - from[k]);
-            if let Some(reached) = self.advance(scalars, split, &q, along) {
+            if let Some(reached) = self.advance(split, &q, along) {
                 q = reached;
                 done = next;
                 part *= 2.0;
@@ -193,7 +160,6 @@ impl Kinematics {
     /// than a part of the step, as another branch of the assembly would.
     fn advance(
         &self,
-        scalars: &[f64],
         split: &Split,
         q: &[f64],
         driving: impl Fn(usize) -> f64,
@@ -209,41 +175,49 @@ impl Kinematics {
         if split.dependent.is_empty() {
             return Some(next);
         }
-        let closure = self.closure_by(scalars, q, 0);
+        let closure = self.closure(q, None);
         let change = &closure.by_coordinate.select_columns(&split.driving) * shifts;
         let tangent = solve(&closure, split, &(-change))?;
         for (k, c) in split.dependent.iter().enumerate() {
             next[*c] += tangent[k];
             moved = moved.max(tangent[k].abs());
         }
-        let predicted = next.clone();
-        let closed = self.close(scalars, split, next)?;
-        let off = split.dependent.iter();
-        let off = off.map(|c| (closed[*c] - predicted[*c]).abs());
         // a way of a tenth of a radian bends by its square at usual states
-        (moved < 0.5 && off.fold(0.0, f64::max) <= 0.2 * moved + 1e-9).then_some(closed)
+        if moved >= 0.5 {
+            return None;
+        }
+        self.close_within(split, next, 0.2 * moved + 1e-9)
     }
 
-    /// Closes the loops by Newton's method, with the driving coordinates as they are.
-    pub fn close(&self, scalars: &[f64], split: &Split, mut q: Vec<f64>) -> Option<Vec<f64>> {
+    /// As [`Kinematics::close`].
+    pub(crate) fn close(&self, split: &Split, q: Vec<f64>) -> Option<Vec<f64>> {
+        self.close_within(split, q, f64::INFINITY)
+    }
+
+    /// The same, if no dependent coordinate moves by more than a bound. Where one moves by twice as much on
+    /// the way, Newton's method leads elsewhere.
+    fn close_within(&self, split: &Split, start: Vec<f64>, bound: f64) -> Option<Vec<f64>> {
         if split.dependent.is_empty() {
-            return Some(q);
+            return Some(start);
         }
+        let mut q = start.clone();
         let mut last = f64::INFINITY;
         for _ in 0..STEPS {
-            let closure = self.closure_by(scalars, &q, 0);
+            let closure = self.closure(&q, None);
             let step = solve(&closure, split, &(-&closure.residual))?;
+            let mut off: f64 = 0.0;
             for (k, c) in split.dependent.iter().enumerate() {
                 q[*c] += step[k];
+                off = off.max((q[*c] - start[*c]).abs());
             }
             let size = step.amax();
-            if !size.is_finite() {
+            if !size.is_finite() || off > 2.0 * bound {
                 return None;
             }
             // loops that more equations close than they have freedoms keep a residual that the
             // geometry's errors cause: what ends is the step
             if size < CLOSED || (size < 1e-8 && size >= 0.5 * last) {
-                return Some(q);
+                return (off <= bound).then_some(q);
             }
             last = size;
         }
@@ -258,6 +232,9 @@ fn solve(closure: &Closure, split: &Split, right: &DVector<f64>) -> Option<DVect
     Some(solved.column(0).into_owned())
 }
 
+/// The part of a diagonal below which a factor is singular.
+const SINGULAR: f64 = 1e-12;
+
 /// The dependent coordinates' rates for several right sides of A_e x = right, in the least squares.
 pub(crate) fn dependent_rates(
     closure: &Closure,
@@ -268,22 +245,91 @@ pub(crate) fn dependent_rates(
     if a.nrows() < a.ncols() {
         return None;
     }
-    let square = a.nrows() == a.ncols();
-    if square {
-        let lu = a.lu();
-        let diagonal = lu.u().diagonal();
-        let largest = diagonal.amax();
-        if diagonal.iter().any(|d| d.abs() <= 1e-12 * largest) {
-            return None;
-        }
-        return lu.solve(right);
+    if a.is_square() {
+        return eliminated(a, right.clone());
     }
     let qr = a.qr();
     let r = qr.r();
-    let largest = r.diagonal().amax();
-    if r.diagonal().iter().any(|d| d.abs() <= 1e-12 * largest) {
+    is_regular(&r).then_some(())?;
+    r.solve_upper_triangular(&(qr.q().tr_mul(right)))
+}
+
+/// What multiplies the closure equations where the dependent coordinates are to drop out of others: the x
+/// of x A_e = left for each row of `left`, those of the least squares.
+pub(crate) fn multipliers(
+    closure: &Closure,
+    split: &Split,
+    left: &DMatrix<f64>,
+) -> Option<DMatrix<f64>> {
+    let a = closure.by_coordinate.select_columns(&split.dependent);
+    if a.nrows() < a.ncols() {
         return None;
     }
-    let rotated = qr.q().transpose() * right;
-    r.solve_upper_triangular(&rotated)
+    let right = left.transpose();
+    if a.is_square() {
+        return Some(eliminated(a.transpose(), right)?.transpose());
+    }
+    let qr = a.qr();
+    let r = qr.r();
+    is_regular(&r).then_some(())?;
+    let solved = r.transpose().solve_lower_triangular(&right)?;
+    Some((qr.q() * solved).transpose())
+}
+
+fn is_regular(factor: &DMatrix<f64>) -> bool {
+    let diagonal = factor.diagonal();
+    let largest = diagonal.amax();
+    diagonal.iter().all(|d| d.abs() > SINGULAR * largest)
+}
+
+/// Solves a x = b by elimination with row pivots, in place: the matrices are small, many, and mostly zero,
+/// since few coordinates enter a loop.
+fn eliminated(mut a: DMatrix<f64>, mut b: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let n = a.nrows();
+    if n == 0 {
+        return Some(b);
+    }
+    let mut factors = vec![0.0; n];
+    for k in 0..n {
+        let pivot = k + a.column(k).rows_range(k..).iamax();
+        if pivot != k {
+            a.swap_rows(k, pivot);
+            b.swap_rows(k, pivot);
+        }
+        let (done, rest) = a.as_mut_slice().split_at_mut((k + 1) * n);
+        let column = done.get(k * n..)?;
+        let head = *column.get(k)?;
+        if head == 0.0 || !head.is_finite() {
+            return None;
+        }
+        let factors = &mut factors[k + 1..];
+        for (factor, entry) in factors.iter_mut().zip(&column[k + 1..]) {
+            *factor = entry / head;
+        }
+        for column in rest
+            .chunks_exact_mut(n)
+            .chain(b.as_mut_slice().chunks_exact_mut(n))
+        {
+            let own = column[k];
+            if own != 0.0 {
+                for (entry, factor) in column[k + 1..].iter_mut().zip(&*factors) {
+                    *entry -= own * factor;
+                }
+            }
+        }
+    }
+    is_regular(&a).then_some(())?;
+    for k in (0..n).rev() {
+        let column = a.as_slice().get(k * n..(k + 1) * n)?;
+        for right in b.as_mut_slice().chunks_exact_mut(n) {
+            right[k] /= column[k];
+            let own = right[k];
+            if own != 0.0 {
+                for (entry, factor) in right[..k].iter_mut().zip(&column[..k]) {
+                    *entry -= own * factor;
+                }
+            }
+        }
+    }
+    Some(b)
 }

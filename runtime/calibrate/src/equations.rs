@@ -2,9 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::closure::{Split, dependent_rates};
+use crate::closure::{Split, multipliers};
 use crate::geometry::Geometry;
 use crate::kinematics::{Amount, Kinematics};
+use crate::placed::Placed;
 use crate::sensor::{Mounting, Sensor};
 
 /// What was measured at one pose of the mechanism.
@@ -75,21 +76,26 @@ pub(crate) struct Block {
 /// A matrix most of whose entries are zero: an error changes one scalar, a constant a few.
 pub(crate) struct Sparse {
     columns: usize,
+    /// For each row, whether it has an entry.
+    used: Vec<bool>,
     entries: Vec<(usize, usize, f64)>,
 }
 
 impl Sparse {
     pub(crate) fn new(matrix: &DMatrix<f64>) -> Self {
         let mut entries = Vec::new();
+        let mut used = vec![false; matrix.nrows()];
         for column in 0..matrix.ncols() {
             for (row, value) in matrix.column(column).iter().enumerate() {
                 if *value != 0.0 {
+                    used[row] = true;
                     entries.push((row, column, *value));
                 }
             }
         }
         Self {
             columns: matrix.ncols(),
+            used,
             entries,
         }
     }
@@ -120,6 +126,11 @@ impl Problem<'_> {
             .any(|step| step.turns)
     }
 
+    /// Whether a sensor observes a frame.
+    pub(crate) fn is_seen(&self, frame: usize) -> bool {
+        self.sensors.iter().any(|sensor| sensor.frame == frame)
+    }
+
     /// The sensors as they are mounted at a point of the search.
     pub(crate) fn mounted(&self, mountings: &[Mounting]) -> Vec<Sensor> {
         let sensors = self.sensors.iter().zip(mountings);
@@ -143,8 +154,9 @@ impl Problem<'_> {
         }
         let values: Vec<f64> = point.values.iter().zip(rest).map(|(a, b)| a + b).collect();
         let scalars = self.geometry.scalars(&values)?;
+        let placed = Placed::new(self.kinematics, &scalars);
         let states = point.states.iter();
-        let states = states.map(|q| self.kinematics.close(&scalars, split, q.clone()));
+        let states = states.map(|q| placed.close(split, q.clone()));
         Some(Point {
             states: states.collect::<Option<_>>()?,
             values,
@@ -161,54 +173,29 @@ impl Problem<'_> {
     ) -> Option<Vec<Block>> {
         let scalars = self.geometry.scalars(&point.values)?;
         let slopes = Sparse::new(&self.geometry.slopes(&point.values));
+        let placed = Placed::new(self.kinematics, &scalars);
         let sensors = self.mounted(&point.mountings);
         let poses = poses.iter().zip(&point.states);
         poses
-            .map(|(pose, q)| self.block(split, (&scalars, &slopes), &sensors, pose, q))
+            .map(|(pose, q)| self.block(split, (&placed, &slopes), &sensors, pose, q))
             .collect()
     }
 
     fn block(
         &self,
         split: &Split,
-        (scalars, by_unknown): (&[f64], &Sparse),
+        (placed, by_unknown): (&Placed<'_>, &Sparse),
         sensors: &[Sensor],
         pose: &Pose,
         q: &[f64],
     ) -> Option<Block> {
         let kinematics = self.kinematics;
         let (coordinates, unknowns) = (kinematics.coordinates.len(), by_unknown.columns);
-        // how all coordinates follow the unknowns and the driving readings
-        let mut q_by_unknown = DMatrix::zeros(coordinates, unknowns);
-        let mut q_by_reading = DMatrix::zeros(coordinates, split.driving.len());
-        for (k, c) in split.driving.iter().enumerate() {
-            q_by_reading[(*c, k)] = 1.0;
-        }
-        if !split.dependent.is_empty() {
-            let closure = kinematics.closure(scalars, q);
-            let mut right = DMatrix::zeros(closure.residual.len(), unknowns + split.driving.len());
-            let moved = -by_unknown.after(&closure.by_scalar);
-            right.columns_mut(0, unknowns).copy_from(&moved);
-            let driven = -closure.by_coordinate.select_columns(&split.driving);
-            right
-                .columns_mut(unknowns, split.driving.len())
-                .copy_from(&driven);
-            let rates = dependent_rates(&closure, split, &right)?;
-            for (row, c) in split.dependent.iter().enumerate() {
-                for k in 0..unknowns {
-                    q_by_unknown[(*c, k)] = rates[(row, k)];
-                }
-                for k in 0..split.driving.len() {
-                    q_by_reading[(*c, k)] = rates[(row, unknowns + k)];
-                }
-            }
-        }
-        let is_seen = |frame: usize| sensors.iter().any(|sensor| sensor.frame == frame);
-        let frames = kinematics.frames_of(scalars, q, is_seen);
         let freedoms = self.freedoms();
+        let mut state = placed.at(q, Some(&by_unknown.used));
+        let frames = state.frames(|frame| self.is_seen(frame));
         let mut residual = Vec::new();
-        let mut slopes: Vec<DMatrix<f64>> = Vec::new();
-        let mut by_reading: Vec<DMatrix<f64>> = Vec::new();
+        let mut seen = Vec::new();
         let mut groups = Vec::new();
         let mut first = 0;
         for (index, (sensor, values)) in sensors.iter().zip(&pose.values).enumerate() {
@@ -216,44 +203,68 @@ impl Problem<'_> {
             if let Some(values) = values {
                 let size = (coordinates, kinematics.scalars);
                 let rows = sensor.rows(&frames, &kinematics.gravity, values, size)?;
-                let by_q = rows.slopes.columns(0, coordinates);
-                let by_scalar = rows.slopes.columns(coordinates, kinematics.scalars);
-                let by_scalar = by_unknown.after(&by_scalar.into_owned());
-                let mut all = DMatrix::zeros(rows.residual.len(), freedoms + unknowns);
-                let mounted = rows.slopes.columns(coordinates + kinematics.scalars, own);
-                all.columns_mut(first, own).copy_from(&mounted);
-                let geometry = by_scalar + by_q * &q_by_unknown;
-                all.columns_mut(freedoms, unknowns).copy_from(&geometry);
-                slopes.push(all);
-                by_reading.push(by_q * &q_by_reading);
                 residual.extend(rows.residual);
                 groups.extend(rows.angles.iter().map(|angle| match angle {
                     true => Group::Angles(index),
                     false => Group::Lengths(index),
                 }));
+                seen.push((first, own, rows.slopes));
             }
             first += own;
         }
-        for (c, reading) in self.measured.iter().zip(&pose.readings) {
-            if split.driving.contains(c) || !reading.is_finite() {
-                continue;
-            }
+        // redundant readings against what follows from the loops
+        let readings = self.measured.iter().zip(&pose.readings);
+        let readings =
+            readings.filter(|(c, reading)| !split.driving.contains(c) && reading.is_finite());
+        let observed = residual.len();
+        let redundant: Vec<usize> = readings.clone().map(|(c, _)| *c).collect();
+        for (c, reading) in readings {
             residual.push(q[*c] - reading);
-            let mut all = DMatrix::zeros(1, freedoms + unknowns);
-            all.columns_mut(freedoms, unknowns)
-                .copy_from(&q_by_unknown.rows(*c, 1));
-            slopes.push(all);
-            by_reading.push(q_by_reading.rows(*c, 1).into_owned());
             groups.push(if self.turns(*c) {
                 Group::ReadAngles
             } else {
                 Group::ReadLengths
             });
         }
+        let rows = residual.len();
+        let mut by_coordinate = DMatrix::zeros(rows, coordinates);
+        let mut by_scalar = DMatrix::zeros(rows, kinematics.scalars);
+        let mut slopes = DMatrix::zeros(rows, freedoms + unknowns);
+        let mut at = 0;
+        for (first, own, part) in &seen {
+            let n = part.nrows();
+            let copy = |to: &mut DMatrix<f64>, column: usize, from: usize, count: usize| {
+                to.view_mut((at, column), (n, count))
+                    .copy_from(&part.columns(from, count));
+            };
+            copy(&mut by_coordinate, 0, 0, coordinates);
+            copy(&mut by_scalar, 0, coordinates, kinematics.scalars);
+            copy(&mut slopes, *first, coordinates + kinematics.scalars, *own);
+            at += n;
+        }
+        for (k, c) in redundant.iter().enumerate() {
+            by_coordinate[(observed + k, *c)] = 1.0;
+        }
+        let mut geometry = by_unknown.after(&by_scalar);
+        // dependent coordinates follow by A_e dq_e = -f_x dx: multiples of the closure equations take
+        // them out of the residuals
+        if !split.dependent.is_empty() {
+            let closure = state.closure();
+            let dependent = by_coordinate.select_columns(&split.dependent);
+            let multipliers = multipliers(&closure, split, &dependent)?;
+            by_coordinate.gemm(-1.0, &multipliers, &closure.by_coordinate, 1.0);
+            geometry.gemm(
+                -1.0,
+                &multipliers,
+                &by_unknown.after(&closure.by_scalar),
+                1.0,
+            );
+        }
+        slopes.columns_mut(freedoms, unknowns).copy_from(&geometry);
         Some(Block {
             residual: DVector::from_vec(residual),
-            slopes: stacked(&slopes, freedoms + unknowns),
-            by_reading: stacked(&by_reading, split.driving.len()),
+            slopes,
+            by_reading: by_coordinate.select_columns(&split.driving),
             groups,
         })
     }
@@ -309,16 +320,4 @@ impl Problem<'_> {
             groups: block.groups.clone(),
         })
     }
-}
-
-/// Matrices of the same width, one below the other.
-fn stacked(parts: &[DMatrix<f64>], columns: usize) -> DMatrix<f64> {
-    let rows = parts.iter().map(DMatrix::nrows).sum();
-    let mut out = DMatrix::zeros(rows, columns);
-    let mut at = 0;
-    for part in parts {
-        out.rows_mut(at, part.nrows()).copy_from(part);
-        at += part.nrows();
-    }
-    out
 }

@@ -6,6 +6,7 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 use crate::closure::Split;
 use crate::equations::{Block, Group, Point, Pose, Problem};
 use crate::geometry::{Kept, Unit};
+use crate::placed::Placed;
 use crate::search::{Found, Search, Sigmas, sigma_of};
 use crate::sensor::{Kind, Mounting};
 use crate::structure::{Reached, Structure, Why};
@@ -195,9 +196,10 @@ pub(crate) fn aligned(
 impl Problem<'_> {
     /// Where unknown cameras and trackers are, from what the nominal geometry predicts.
     pub(crate) fn placed(&self, scalars: &[f64], states: &[Vec<f64>]) -> Vec<Mounting> {
+        let placed = Placed::new(self.kinematics, scalars);
         let frames: Vec<_> = states
             .iter()
-            .map(|q| self.kinematics.frames(scalars, q))
+            .map(|q| placed.at(q, None).frames(|frame| self.is_seen(frame)))
             .collect();
         let sensors = self.sensors.iter().enumerate();
         sensors
@@ -295,7 +297,7 @@ impl Problem<'_> {
                 columns: &placing,
                 prior: &DMatrix::zeros(0, 0),
             };
-            if let Some(found) = search.run(point.clone(), &sigmas, true) {
+            if let Some(found) = search.run(point.clone(), None, &sigmas, true) {
                 point = found.point;
             }
         }

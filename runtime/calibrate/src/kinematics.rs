@@ -130,30 +130,40 @@ pub struct Kinematics {
 pub struct Motion {
     /// What it depends on.
     pub amount: Amount,
-    turns: bool,
-    /// The axis in the world, times the factor of the amount.
-    axis: Vector3<f64>,
-    /// A point on the axis of a turn.
-    origin: Vector3<f64>,
+    /// The angular velocity, in the world.
+    pub(crate) turning: Vector3<f64>,
+    /// The velocity of the body's point at the origin of the world.
+    pub(crate) at_origin: Vector3<f64>,
 }
 
 impl Motion {
+    /// A turn about an axis through a point, or a shift along it.
+    pub(crate) fn new(
+        amount: Amount,
+        turns: bool,
+        axis: Vector3<f64>,
+        point: &Vector3<f64>,
+    ) -> Self {
+        let (turning, at_origin) = if turns {
+            (axis, point.cross(&axis))
+        } else {
+            (Vector3::zeros(), axis)
+        };
+        Self {
+            amount,
+            turning,
+            at_origin,
+        }
+    }
+
     /// The velocity of a point of the body that is moved, in the world.
     pub fn velocity_of(&self, point: &Vector3<f64>) -> Vector3<f64> {
-        if self.turns {
-            self.axis.cross(&(point - self.origin))
-        } else {
-            self.axis
-        }
+        self.at_origin + self.turning.cross(point)
     }
 
     /// The angular velocity of the body that is moved, in the world.
     pub fn turning(&self) -> Vector3<f64> {
-        if self.turns {
-            self.axis
-        } else {
-            Vector3::zeros()
-        }
+        self.turning
     }
 }
 
@@ -180,67 +190,11 @@ impl Axis {
 }
 
 impl View {
-    fn world() -> Self {
+    pub(crate) fn world() -> Self {
         Self {
             axes: Matrix3::identity(),
             point: Vector3::zeros(),
             motions: Vec::new(),
-        }
-    }
-
-    /// Follows motions; those of scalars are noted only where derivatives by them are asked for.
-    fn follow(
-        &mut self,
-        steps: &[Step],
-        (kinematics, by_scalars): (&Kinematics, bool),
-        scalars: &[f64],
-        q: &[f64],
-    ) {
-        for step in steps {
-            let axis = self.axes.column(step.axis.index()).into_owned();
-            let (turns, origin) = (step.turns, self.point);
-            let mut moves = |amount: Amount, factor: f64| {
-                if !by_scalars && matches!(amount, Amount::Scalar(_)) {
-                    return;
-                }
-                self.motions.push(Motion {
-                    amount,
-                    turns,
-                    axis: factor * axis,
-                    origin,
-                });
-            };
-            let value = match step.amount {
-                Amount::Scalar(k) => {
-                    moves(step.amount, 1.0);
-                    scalars.get(k).copied().unwrap_or(0.0)
-                }
-                Amount::Coordinate(c, factor) => {
-                    let own = q.get(c).copied().unwrap_or(0.0);
-                    let (scale, place) = kinematics.scale(scalars, c);
-                    moves(step.amount, factor * scale);
-                    if let Some(place) = place {
-                        moves(Amount::Scalar(place), factor * own);
-                    }
-                    factor * scale * own
-                }
-            };
-            if step.turns {
-                let (i, j) = match step.axis {
-                    Axis::X => (1, 2),
-                    Axis::Y => (2, 0),
-                    Axis::Z => (0, 1),
-                };
-                let (sin, cos) = libm::sincos(value);
-                let (a, b) = (
-                    self.axes.column(i).into_owned(),
-                    self.axes.column(j).into_owned(),
-                );
-                self.axes.set_column(i, &(cos * a + sin * b));
-                self.axes.set_column(j, &(cos * b - sin * a));
-            } else {
-                self.point += value * axis;
-            }
         }
     }
 
@@ -251,62 +205,37 @@ impl View {
 }
 
 impl Kinematics {
-    /// The links in the world, for scalars of the geometry and coordinates.
-    pub fn links(&self, scalars: &[f64], q: &[f64]) -> Vec<View> {
-        self.links_by(scalars, q, true)
+    /// The frame at the end of a chain, from the links in the world ([`Kinematics::links`]).
+    pub fn along(&self, links: &[View], chain: &Chain, scalars: &[f64], q: &[f64]) -> View {
+        let parent = chain.parent.and_then(|parent| links.get(parent));
+        let mut view = parent.cloned().unwrap_or_else(View::world);
+        let place = (&mut view.axes, &mut view.point, &mut view.motions);
+        let turned = |_, value| libm::sincos(value);
+        follow(
+            &chain.steps,
+            (self, scalars, q),
+            (&turned, &|_| true),
+            place,
+        );
+        view
     }
 
-    /// The same, with or without the motions of scalars.
-    pub(crate) fn links_by(&self, scalars: &[f64], q: &[f64], by_scalars: bool) -> Vec<View> {
+    /// The links in the world, for scalars of the geometry and coordinates.
+    pub fn links(&self, scalars: &[f64], q: &[f64]) -> Vec<View> {
         let mut links: Vec<View> = Vec::with_capacity(self.links.len());
         for link in &self.links {
-            let view = self.along_by(&links, link, (scalars, q), by_scalars);
+            let view = self.along(&links, link, scalars, q);
             links.push(view);
         }
         links
     }
 
-    /// The frame at the end of a chain, from the links in the world.
-    pub fn along(&self, links: &[View], chain: &Chain, scalars: &[f64], q: &[f64]) -> View {
-        self.along_by(links, chain, (scalars, q), true)
-    }
-
-    /// The same, with or without the motions of scalars.
-    pub(crate) fn along_by(
-        &self,
-        links: &[View],
-        chain: &Chain,
-        (scalars, q): (&[f64], &[f64]),
-        by_scalars: bool,
-    ) -> View {
-        let parent = chain.parent.and_then(|parent| links.get(parent));
-        let mut view = parent.cloned().unwrap_or_else(View::world);
-        view.follow(&chain.steps, (self, by_scalars), scalars, q);
-        view
-    }
-
     /// The named frames in the world.
     pub fn frames(&self, scalars: &[f64], q: &[f64]) -> Vec<View> {
-        self.frames_of(scalars, q, |_| true)
-    }
-
-    /// The named frames that are wanted; others are the world's.
-    pub(crate) fn frames_of(
-        &self,
-        scalars: &[f64],
-        q: &[f64],
-        is_wanted: impl Fn(usize) -> bool,
-    ) -> Vec<View> {
         let links = self.links(scalars, q);
-        let frames = self.frames.iter().enumerate();
+        let frames = self.frames.iter();
         frames
-            .map(|(k, (_, chain))| {
-                if is_wanted(k) {
-                    self.along(&links, chain, scalars, q)
-                } else {
-                    View::world()
-                }
-            })
+            .map(|(_, chain)| self.along(&links, chain, scalars, q))
             .collect()
     }
 
@@ -320,5 +249,65 @@ impl Kinematics {
     /// The number of closure equations: those of the cuts, then one for each coupling.
     pub fn rows(&self) -> usize {
         self.cuts.iter().map(|cut| cut.rows.len()).sum::<usize>() + self.couplings.len()
+    }
+}
+
+/// Turns axes about one of them.
+pub(crate) fn turn(axes: &mut Matrix3<f64>, axis: Axis, (sin, cos): (f64, f64)) {
+    let (i, j) = match axis {
+        Axis::X => (1, 2),
+        Axis::Y => (2, 0),
+        Axis::Z => (0, 1),
+    };
+    for row in 0..3 {
+        let (a, b) = (axes[(row, i)], axes[(row, j)]);
+        axes[(row, i)] = cos * a + sin * b;
+        axes[(row, j)] = cos * b - sin * a;
+    }
+}
+
+/// Follows motions from a frame, and notes them.
+///
+/// - `turned`: the sine and cosine of a scalar of the geometry, from its index and its value.
+/// - `is_noted`: of which scalars the motions are noted.
+pub(crate) fn follow(
+    steps: &[Step],
+    (kinematics, scalars, q): (&Kinematics, &[f64], &[f64]),
+    (turned, is_noted): (&impl Fn(usize, f64) -> (f64, f64), &impl Fn(usize) -> bool),
+    (axes, point, motions): (&mut Matrix3<f64>, &mut Vector3<f64>, &mut Vec<Motion>),
+) {
+    for step in steps {
+        let axis = axes.column(step.axis.index()).into_owned();
+        let mut moves = |amount: Amount, factor: f64| {
+            if matches!(amount, Amount::Scalar(k) if !is_noted(k)) {
+                return;
+            }
+            motions.push(Motion::new(amount, step.turns, factor * axis, point));
+        };
+        let (value, scalar) = match step.amount {
+            Amount::Scalar(k) => {
+                moves(step.amount, 1.0);
+                (scalars.get(k).copied().unwrap_or(0.0), Some(k))
+            }
+            Amount::Coordinate(c, factor) => {
+                let own = q.get(c).copied().unwrap_or(0.0);
+                let (scale, place) = kinematics.scale(scalars, c);
+                moves(step.amount, factor * scale);
+                if let Some(place) = place {
+                    moves(Amount::Scalar(place), factor * own);
+                }
+                (factor * scale * own, None)
+            }
+        };
+        // most errors of a placement are 0
+        if value == 0.0 {
+            continue;
+        }
+        if step.turns {
+            let sine = scalar.map_or_else(|| libm::sincos(value), |k| turned(k, value));
+            turn(axes, step.axis, sine);
+        } else {
+            *point += value * axis;
+        }
     }
 }

@@ -77,6 +77,7 @@ mod fit;
 mod geometry;
 mod identifiable;
 mod kinematics;
+mod placed;
 mod search;
 mod sensor;
 mod simulate;

@@ -14,6 +14,9 @@ const LEAST_DAMPING: f64 = 1e-14;
 /// The largest number of times that standard deviations are estimated again.
 const ROUNDS: usize = 20;
 
+/// The same of a robust fit.
+const NEARLY: f64 = 0.03;
+
 /// Standard deviations by group.
 pub(crate) type Sigmas = Vec<(Group, f64)>;
 
@@ -26,6 +29,35 @@ pub(crate) struct Search<'a> {
     /// The inverse covariance of the geometry's errors before anything is measured: of the last
     /// columns, or empty.
     pub(crate) prior: &'a DMatrix<f64>,
+}
+
+/// A point with its residuals.
+struct Tried {
+    point: Point,
+    blocks: Vec<Block>,
+    weighted: Vec<Block>,
+    loss: f64,
+}
+
+/// The normal equations at a point.
+struct Linear {
+    normal: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// The roots of the diagonal.
+    scale: Vec<f64>,
+}
+
+impl Linear {
+    /// The step with a damping, times the scale.
+    fn solve(&self, damping: f64) -> Option<DVector<f64>> {
+        let (n, scale) = (self.scale.len(), &self.scale);
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            let entry = self.normal[(i, j)] / (scale[i] * scale[j]);
+            if i == j { entry + damping } else { entry }
+        });
+        let right = DVector::from_fn(n, |k, _| -self.gradient[k] / scale[k]);
+        Some(scaled.cholesky()?.solve(&right))
+    }
 }
 
 /// Where a search ended.
@@ -86,88 +118,127 @@ impl Search<'_> {
         gradient
     }
 
-    /// Levenberg and Marquardt's search from a point.
-    pub(crate) fn run(&self, start: Point, sigmas: &Sigmas, robust: bool) -> Option<Found> {
-        let mut point = start;
-        let mut blocks = self.problem.blocks(self.split, &point, self.poses)?;
-        let mut weighted = self.whitened(&blocks, sigmas)?;
-        let mut loss = self.loss(&weighted, &point, robust);
-        let mut damping = 1e-8;
-        let total = weighted.first().map_or(0, |block| block.slopes.ncols());
-        let mut converged = false;
-        for _ in 0..STEPS {
-            let n = self.columns.len();
-            let mut normal = DMatrix::<f64>::zeros(n, n);
-            let mut gradient = DVector::<f64>::zeros(n);
-            for block in &weighted {
-                let j = block.slopes.select_columns(self.columns);
-                let norm = block.residual.norm();
-                let bound = bound_of(block.residual.len());
-                let weight = if robust && norm > bound {
-                    bound / norm
-                } else {
-                    1.0
-                };
-                normal += weight * j.transpose() * &j;
-                gradient += weight * j.transpose() * &block.residual;
-            }
-            gradient += self.add_prior(&mut normal, &point);
-            let scale: Vec<f64> = (0..n)
-                .map(|k| libm::sqrt(normal[(k, k)]).max(1e-300))
-                .collect();
-            let solve = |damping: f64| {
-                let scaled = DMatrix::from_fn(n, n, |i, j| {
-                    let entry = normal[(i, j)] / (scale[i] * scale[j]);
-                    if i == j { entry + damping } else { entry }
-                });
-                let right = DVector::from_fn(n, |k, _| -gradient[k] / scale[k]);
-                Some(scaled.cholesky()?.solve(&right))
+    /// A point with its loss.
+    fn tried(
+        &self,
+        point: Point,
+        blocks: Option<Vec<Block>>,
+        (sigmas, robust): (&Sigmas, bool),
+    ) -> Option<Tried> {
+        let blocks = match blocks {
+            Some(blocks) => blocks,
+            None => self.problem.blocks(self.split, &point, self.poses)?,
+        };
+        let weighted = self.whitened(&blocks, sigmas)?;
+        let loss = self.loss(&weighted, &point, robust);
+        loss.is_finite().then_some(Tried {
+            point,
+            blocks,
+            weighted,
+            loss,
+        })
+    }
+
+    /// The normal equations at a point.
+    fn linear(&self, at: &Tried, robust: bool) -> Linear {
+        let n = self.columns.len();
+        let mut normal = DMatrix::<f64>::zeros(n, n);
+        let mut gradient = DVector::<f64>::zeros(n);
+        for block in &at.weighted {
+            let j = block.slopes.select_columns(self.columns);
+            let norm = block.residual.norm();
+            let bound = bound_of(block.residual.len());
+            let weight = if robust && norm > bound {
+                bound / norm
+            } else {
+                1.0
             };
+            normal.gemm_tr(weight, &j, &j, 1.0);
+            gradient.gemv_tr(weight, &j, &block.residual, 1.0);
+        }
+        gradient += self.add_prior(&mut normal, &at.point);
+        let scale = (0..n).map(|k| libm::sqrt(normal[(k, k)]).max(1e-300));
+        Linear {
+            scale: scale.collect(),
+            normal,
+            gradient,
+        }
+    }
+
+    /// The point to which a damped step leads, if its loops close.
+    fn stepped(
+        &self,
+        from: &Tried,
+        linear: &Linear,
+        damping: f64,
+        how: (&Sigmas, bool),
+    ) -> Option<Tried> {
+        let solved = linear.solve(damping)?;
+        let total = from
+            .weighted
+            .first()
+            .map_or(0, |block| block.slopes.ncols());
+        let mut step = vec![0.0; total];
+        for (k, column) in self.columns.iter().enumerate() {
+            step[*column] = solved[k] / linear.scale[k];
+        }
+        let next = self.problem.moved(self.split, &from.point, &step)?;
+        self.tried(next, None, how)
+    }
+
+    /// Levenberg and Marquardt's search from a point, of which the residuals may be known.
+    pub(crate) fn run(
+        &self,
+        start: Point,
+        blocks: Option<Vec<Block>>,
+        sigmas: &Sigmas,
+        robust: bool,
+    ) -> Option<Found> {
+        let how = (sigmas, robust);
+        let mut now = self.tried(start, blocks, how)?;
+        let mut damping = 1e-8;
+        let mut converged = false;
+        // a robust fit is where the one by least squares begins
+        let negligible = if robust { NEARLY } else { NEGLIGIBLE };
+        for _ in 0..STEPS {
+            let linear = self.linear(&now, robust);
             // the whole step, in standard deviations of the estimates at most: a damped one is short
             // along directions that are known badly
-            if solve(LEAST_DAMPING).is_some_and(|step| step.norm() < NEGLIGIBLE) {
+            if linear
+                .solve(LEAST_DAMPING)
+                .is_some_and(|step| step.norm() < negligible)
+            {
                 converged = true;
                 break;
             }
             let mut accepted = None;
             while damping < 1e12 {
-                let Some(solved) = solve(damping) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let mut step = vec![0.0; total];
-                for (k, column) in self.columns.iter().enumerate() {
-                    step[*column] = solved[k] / scale[k];
-                }
-                let next = self.problem.moved(self.split, &point, &step);
-                let next = next.and_then(|next| {
-                    let blocks = self.problem.blocks(self.split, &next, self.poses)?;
-                    let weighted = self.whitened(&blocks, sigmas)?;
-                    let loss = self.loss(&weighted, &next, robust);
-                    loss.is_finite().then_some((next, blocks, weighted, loss))
-                });
-                match next {
-                    Some(next) if next.3 <= loss * (1.0 + 1e-13) => {
+                if let Some(next) = self.stepped(&now, &linear, damping, how) {
+                    if next.loss <= now.loss * (1.0 + 1e-13) {
                         damping = (damping * 0.01).max(LEAST_DAMPING);
                         accepted = Some(next);
                         break;
                     }
-                    _ => damping *= 10.0,
+                    // a long step along a bent valley leads up its side, and the next one down again
+                    let back = self.stepped(&next, &self.linear(&next, robust), damping, how);
+                    if let Some(back) = back.filter(|back| back.loss < now.loss) {
+                        accepted = Some(back);
+                        break;
+                    }
                 }
+                damping *= 10.0;
             }
             let Some(next) = accepted else {
                 // no step lowers it: rounding errors are left
-                converged = gradient
-                    .iter()
-                    .zip(&scale)
-                    .all(|(g, s)| (g / s).abs() < 1e-3);
+                let mut parts = linear.gradient.iter().zip(&linear.scale);
+                converged = parts.all(|(g, s)| (g / s).abs() < 1e-3);
                 break;
             };
-            (point, blocks, weighted, loss) = next;
+            now = next;
         }
         Some(Found {
-            point,
-            blocks,
+            point: now.point,
+            blocks: now.blocks,
             converged,
         })
     }
@@ -181,7 +252,7 @@ impl Search<'_> {
         let mut normal = DMatrix::<f64>::zeros(n, n);
         for block in weighted {
             let j = block.slopes.select_columns(self.columns);
-            normal += j.transpose() * j;
+            normal.gemm_tr(1.0, &j, &j, 1.0);
         }
         let own = self.prior.nrows();
         let mut block = normal.view_mut((n - own, n - own), (own, own));
@@ -202,7 +273,7 @@ impl Search<'_> {
 
     /// The search with standard deviations that are estimated where none are stated.
     pub(crate) fn settle(&self, start: Point, sigmas: &mut Sigmas, robust: bool) -> Option<Found> {
-        let mut found = self.run(start, sigmas, robust)?;
+        let mut found = self.run(start, None, sigmas, robust)?;
         for _ in 0..ROUNDS {
             let weighted = self.whitened(&found.blocks, sigmas)?;
             let (_, hats) = self.statistics(&weighted)?;
@@ -237,7 +308,7 @@ impl Search<'_> {
             if change < 1e-3 {
                 break;
             }
-            found = self.run(found.point, sigmas, robust)?;
+            found = self.run(found.point, Some(found.blocks), sigmas, robust)?;
         }
         Some(found)
     }

@@ -4,6 +4,7 @@ use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
 
 use crate::equations::{Pose, Problem};
 use crate::fit::CalibrateError;
+use crate::placed::Placed;
 use crate::sensor::Kind;
 use crate::structure::Structure;
 
@@ -80,16 +81,17 @@ impl Problem<'_> {
             .geometry
             .scalars(&values)
             .ok_or(CalibrateError::NotClosed)?;
+        let placed = Placed::new(self.kinematics, &scalars);
         let mut poses = Vec::new();
         // states of the description are states of the mechanism after a small motion
         for state in self.drawn_states(&start, 2 * what.poses, &mut draws) {
-            let Some(state) = self.kinematics.close(&scalars, &start.split, state) else {
+            let Some(state) = placed.close(&start.split, state) else {
                 continue;
             };
             if poses.len() == what.poses {
                 break;
             }
-            let frames = self.kinematics.frames(&scalars, &state);
+            let frames = placed.at(&state, None).frames(|frame| self.is_seen(frame));
             let sensors = self.sensors.iter().map(|sensor| {
                 let mut values = sensor.predict(&frames, &self.kinematics.gravity);
                 let [length, angle] = [

@@ -8,6 +8,7 @@ use crate::equations::{Block, Point, Pose, Problem, Sparse};
 use crate::fit::{CalibrateError, Fixed};
 use crate::geometry::Unknown;
 use crate::identifiable::Selection;
+use crate::placed::Placed;
 use crate::sensor::Mounting;
 use crate::simulate::Draws;
 
@@ -90,18 +91,15 @@ impl Problem<'_> {
     pub(crate) fn reach_all(&self) -> Result<Reached, CalibrateError> {
         let mut out = self.start()?;
         let home = &self.kinematics.home;
+        let placed = Placed::new(self.kinematics, &out.scalars);
         for pose in self.poses {
             let places = out.split.driving.iter();
             let places = places.map(|c| self.measured.iter().position(|own| own == c));
             let target: Option<Vec<f64>> = places
                 .map(|at| pose.readings.get(at?).copied().filter(|r| r.is_finite()))
                 .collect();
-            let reach = |from: &[f64], target: &[f64]| {
-                self.kinematics
-                    .reach(&out.scalars, &out.split, from, target)
-            };
             // each from home, so that no pose depends on the order of the others
-            let found = target.and_then(|target| reach(home, &target));
+            let found = target.and_then(|target| placed.reach(&out.split, home, &target));
             match found {
                 Some(state) => {
                     out.states.push(state);
@@ -156,8 +154,9 @@ impl Problem<'_> {
 
     /// What would be measured at states without noise.
     pub(crate) fn noiseless(&self, scalars: &[f64], states: &[Vec<f64>]) -> Vec<Pose> {
+        let placed = Placed::new(self.kinematics, scalars);
         let poses = states.iter().map(|q| {
-            let frames = self.kinematics.frames(scalars, q);
+            let frames = placed.at(q, None).frames(|frame| self.is_seen(frame));
             let sensors = self.sensors.iter();
             Pose {
                 row: 0,
@@ -193,6 +192,7 @@ impl Problem<'_> {
         draws: &mut Draws,
     ) -> Vec<Vec<f64>> {
         let kinematics = self.kinematics;
+        let placed = Placed::new(kinematics, &reached.scalars);
         let mut states = Vec::new();
         let mut reach = 1.0;
         for _ in 0..20 * count {
@@ -211,9 +211,7 @@ impl Problem<'_> {
                     home + reach * (low + draws.uniform() * (high - low) - home)
                 })
                 .collect();
-            let state =
-                kinematics.reach(&reached.scalars, &reached.split, &kinematics.home, &target);
-            match state {
+            match placed.reach(&reached.split, &kinematics.home, &target) {
                 Some(state) => states.push(state),
                 None => reach *= 0.9,
             }
@@ -266,9 +264,12 @@ impl Structure {
         }
         let slopes = Sparse::new(&problem.geometry.slopes(&reached.nominal));
         let mut held = vec![false; problem.geometry.unknowns().len()];
-        if !reached.split.dependent.is_empty() {
+        // where there are as many equations as dependent coordinates these follow whatever is changed
+        if problem.kinematics.rows() > reached.split.dependent.len() {
+            let placed = Placed::new(problem.kinematics, &reached.scalars);
+            let all = vec![true; problem.kinematics.scalars];
             for q in &states {
-                let closure = problem.kinematics.closure(&reached.scalars, q);
+                let closure = placed.closure(q, Some(&all));
                 let moved = slopes.after(&closure.by_scalar);
                 let rates = dependent_rates(&closure, &reached.split, &moved)
                     .ok_or(CalibrateError::NotClosed)?;

@@ -5,14 +5,19 @@ use core::fmt;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
+use crate::closure::Split;
 use crate::equations::{Pose, Problem};
 use crate::fit::aligned;
+use crate::kinematics::View;
+use crate::placed::Placed;
 use crate::sensor::{Kind, Sensor};
 
 /// A change is told where it leaves this part of the misfit.
 const BETTER: f64 = 0.25;
 /// The number of poses with which changes are tried.
 const POSES: usize = 24;
+/// The numbers of poses after which a change is given up that leaves too much already.
+const LOOKS: [usize; 2] = [5, 10];
 
 /// A mistake that the measurements show.
 #[derive(Clone, Debug, PartialEq)]
@@ -138,21 +143,35 @@ impl Problem<'_> {
         if !repeated.is_empty() {
             out.push(Doubt::Repeated(repeated));
         }
+        let Ok(start) = self.start() else {
+            return out;
+        };
         let step = self.poses.len().div_ceil(POSES).max(1);
         let poses: Vec<Pose> = self.poses.iter().step_by(step).cloned().collect();
-        let tried = Problem {
-            poses: &poses,
-            ..*self
+        let instruments = self.sensors.iter().enumerate().filter(|(_, sensor)| {
+            matches!(sensor.kind, Kind::Pose | Kind::Point) && sensor.mounting.unknown
+        });
+        let tried = Tried {
+            problem: Problem {
+                poses: &poses,
+                ..*self
+            },
+            placed: Placed::new(self.kinematics, &start.scalars),
+            split: &start.split,
+            instruments: instruments.collect(),
         };
-        for (k, sensor) in self.sensors.iter().enumerate() {
-            if matches!(sensor.kind, Kind::Pose | Kind::Point) && sensor.mounting.unknown {
-                out.extend(tried.doubts_about(k, sensor));
-            }
+        if tried.instruments.is_empty() {
+            return out;
+        }
+        let seen = tried.seen(&|_| {}, None);
+        if let Some(seen) = &seen {
+            let each = tried.instruments.iter().zip(seen);
+            out.extend(each.filter_map(|((_, sensor), seen)| doubt_about(sensor, seen)));
         }
         // a sensor that is misread makes every comparison of readings meaningless
         let is_sound = out.iter().all(|doubt| matches!(doubt, Doubt::Repeated(_)));
         if is_sound {
-            out.extend(tried.doubt_about_readings());
+            out.extend(tried.doubt_about_readings(seen.as_deref().and_then(total)));
         }
         out
     }
@@ -168,143 +187,176 @@ impl Problem<'_> {
         }
         out
     }
+}
 
-    /// The frames of each pose with the nominal geometry; `None` where few are reached.
-    fn nominal_frames(&self) -> Option<Vec<(Pose, Vec<crate::View>)>> {
-        let reached = self.reach_all().ok()?;
-        if 2 * reached.poses.len() < self.poses.len() {
-            return None;
-        }
-        let states = reached.states.iter();
-        let frames = states.map(|q| self.kinematics.frames(&reached.scalars, q));
-        Some(reached.poses.iter().cloned().zip(frames).collect())
-    }
+/// Some of the poses, with the nominal geometry and the sensors whose instruments it places.
+struct Tried<'a> {
+    problem: Problem<'a>,
+    placed: Placed<'a>,
+    split: &'a Split,
+    instruments: Vec<(usize, &'a Sensor)>,
+}
 
-    /// What is wrong with the numbers of a sensor.
-    fn doubts_about(&self, index: usize, sensor: &Sensor) -> Option<Doubt> {
-        let frames = self.nominal_frames()?;
-        let seen = pairs(&frames, index, sensor);
-        if seen.len() < 4 {
-            return None;
-        }
-        let name = || sensor.name.clone();
-        let plain = misfit(&seen, 1.0)?;
-        // sizes first: a factor hides everything else
-        let ratio = spread(&seen, &|s| s.measured) / spread(&seen, &|s| s.expected);
-        if ratio.is_finite() && ratio > 0.0 {
-            let factor = libm::pow(10.0, libm::round(libm::log10(ratio)));
-            if !(0.5..2.0).contains(&factor)
-                && misfit(&seen, 1.0 / factor)
-                    .is_some_and(|other| other.length < BETTER * plain.length)
-            {
-                return Some(Doubt::Scaled {
-                    sensor: name(),
-                    factor,
-                });
+impl Tried<'_> {
+    /// What each instrument sees where the readings are changed; `None` where few poses are reached, or
+    /// where the misfit is above a bound, which it often is with a few poses already.
+    fn seen(&self, change: &dyn Fn(&mut [f64]), bound: Option<f64>) -> Option<Vec<Vec<Seen>>> {
+        let poses = self.problem.poses;
+        let mut out: Vec<Vec<Seen>> = vec![Vec::new(); self.instruments.len()];
+        let (mut reached, mut lost) = (0, 0);
+        for pose in poses {
+            let mut readings = pose.readings.clone();
+            change(&mut readings);
+            let Some(frames) = self.frames(&readings) else {
+                lost += 1;
+                if 2 * lost > poses.len() {
+                    return None;
+                }
+                continue;
+            };
+            reached += 1;
+            for ((index, sensor), seen) in self.instruments.iter().zip(&mut out) {
+                seen.extend(Seen::at(pose, &frames, *index, sensor));
             }
-        }
-        let mirrored: Vec<Seen> = seen
-            .iter()
-            .map(|s| Seen {
-                measured: Vector3::new(-s.measured.x, s.measured.y, s.measured.z),
-                turns: None,
-                ..*s
-            })
-            .collect();
-        let unturned: Vec<Seen> = seen.iter().map(|s| Seen { turns: None, ..*s }).collect();
-        let [own, other] = [&unturned, &mirrored].map(|seen| misfit(seen, 1.0));
-        if other?.length < BETTER * own?.length {
-            return Some(Doubt::Mirrored { sensor: name() });
-        }
-        if sensor.kind == Kind::Pose {
-            for way in [
-                OtherWay::Inverse,
-                OtherWay::ScalarLast,
-                OtherWay::ScalarFirst,
-            ] {
-                let changed: Vec<Seen> = seen
-                    .iter()
-                    .map(|s| Seen {
-                        turns: s.turns.map(|(a, b)| (a, way.read(&b))),
-                        ..*s
-                    })
-                    .collect();
-                if misfit(&changed, 1.0).is_some_and(|other| other.angle < BETTER * plain.angle) {
-                    return Some(Doubt::Rotations {
-                        sensor: name(),
-                        way,
-                    });
+            if let Some(bound) = bound
+                && LOOKS.contains(&reached)
+            {
+                let left = poses.len() - lost - reached;
+                let least = out.iter().filter_map(|seen| {
+                    // more poses add to the squares, wherever the instrument is then
+                    let part = seen.len() as f64 / (seen.len() + left) as f64;
+                    Some(misfit(seen, 1.0)?.length * libm::sqrt(part))
+                });
+                if least.sum::<f64>() > bound {
+                    return None;
                 }
             }
         }
-        None
+        Some(out)
     }
 
-    /// The sum of the misfits over sensors with instruments, m: angles count with the arm that the
-    /// positions have.
-    fn total(&self) -> Option<f64> {
-        let frames = self.nominal_frames()?;
-        let mut sum = 0.0;
-        let mut count = 0;
-        for (k, sensor) in self.sensors.iter().enumerate() {
-            if matches!(sensor.kind, Kind::Pose | Kind::Point) && sensor.mounting.unknown {
-                let seen = pairs(&frames, k, sensor);
-                let own = misfit(&seen, 1.0)?;
-                let arm = spread(&seen, &|s| s.expected);
-                sum += libm::hypot(own.length, arm * own.angle);
-                count += 1;
-            }
-        }
-        (count > 0).then_some(sum)
+    /// The frames with these readings and the nominal geometry.
+    fn frames(&self, readings: &[f64]) -> Option<Vec<View>> {
+        let driving = self.split.driving.iter();
+        let target: Option<Vec<f64>> = driving
+            .map(|c| {
+                let at = self.problem.measured.iter().position(|own| own == c)?;
+                readings.get(at).copied().filter(|r| r.is_finite())
+            })
+            .collect();
+        let home = &self.problem.kinematics.home;
+        let state = self.placed.reach(self.split, home, &target?)?;
+        let mut state = self.placed.at(&state, None);
+        Some(state.frames(|frame| self.problem.is_seen(frame)))
     }
 
-    /// What is wrong with the readings.
-    fn doubt_about_readings(&self) -> Option<Doubt> {
-        let plain = self.total();
-        let with = |change: &dyn Fn(&mut Vec<f64>)| {
-            let mut poses = self.poses.to_vec();
-            for pose in &mut poses {
-                change(&mut pose.readings);
-            }
-            Problem {
-                poses: &poses,
-                ..*self
-            }
-            .total()
-        };
+    /// What is wrong with the readings, whose misfit is `plain` as they are.
+    fn doubt_about_readings(&self, plain: Option<f64>) -> Option<Doubt> {
+        let problem = &self.problem;
         let mut best: Option<(f64, Doubt)> = None;
-        let mut offer = |found: Option<f64>, doubt: Doubt| {
+        let mut offer = |change: &dyn Fn(&mut [f64]), doubt: Doubt| {
+            let least = best.as_ref().map(|(least, _)| *least);
+            let bound = plain.map(|plain| BETTER * plain);
+            let bound = bound.into_iter().chain(least).reduce(f64::min);
+            let found = self.seen(change, bound).as_deref().and_then(total);
             if let Some(found) = found
-                && plain.is_none_or(|plain| found < BETTER * plain)
-                && best.as_ref().is_none_or(|(least, _)| found < *least)
+                && bound.is_none_or(|bound| found < bound)
             {
                 best = Some((found, doubt));
             }
         };
-        let name = |k: usize| self.kinematics.coordinates[self.measured[k]].clone();
-        let count = self.measured.len();
+        let name = |k: usize| problem.kinematics.coordinates[problem.measured[k]].clone();
+        let count = problem.measured.len();
         for k in 0..count {
             let doubt = Doubt::Sign {
                 coordinate: name(k),
             };
-            offer(with(&|readings| readings[k] = -readings[k]), doubt);
+            offer(&|readings| readings[k] = -readings[k], doubt);
             for j in 0..k {
                 let doubt = Doubt::Exchanged {
                     coordinates: [name(j), name(k)],
                 };
-                offer(with(&|readings| readings.swap(j, k)), doubt);
+                offer(&|readings| readings.swap(j, k), doubt);
             }
         }
-        let degrees = |readings: &mut Vec<f64>| {
-            for (reading, c) in readings.iter_mut().zip(self.measured) {
-                if self.turns(*c) {
+        let degrees = |readings: &mut [f64]| {
+            for (reading, c) in readings.iter_mut().zip(problem.measured) {
+                if problem.turns(*c) {
                     *reading = reading.to_radians();
                 }
             }
         };
-        offer(with(&degrees), Doubt::Degrees);
+        offer(&degrees, Doubt::Degrees);
         best.map(|(_, doubt)| doubt)
     }
+}
+
+/// What is wrong with the numbers of a sensor.
+fn doubt_about(sensor: &Sensor, seen: &[Seen]) -> Option<Doubt> {
+    if seen.len() < 4 {
+        return None;
+    }
+    let name = || sensor.name.clone();
+    let plain = misfit(seen, 1.0)?;
+    // sizes first: a factor hides everything else
+    let ratio = spread(seen, &|s| s.measured) / spread(seen, &|s| s.expected);
+    if ratio.is_finite() && ratio > 0.0 {
+        let factor = libm::pow(10.0, libm::round(libm::log10(ratio)));
+        if !(0.5..2.0).contains(&factor)
+            && misfit(seen, 1.0 / factor).is_some_and(|other| other.length < BETTER * plain.length)
+        {
+            return Some(Doubt::Scaled {
+                sensor: name(),
+                factor,
+            });
+        }
+    }
+    let mirrored: Vec<Seen> = seen
+        .iter()
+        .map(|s| Seen {
+            measured: Vector3::new(-s.measured.x, s.measured.y, s.measured.z),
+            turns: None,
+            ..*s
+        })
+        .collect();
+    let unturned: Vec<Seen> = seen.iter().map(|s| Seen { turns: None, ..*s }).collect();
+    let [own, other] = [&unturned, &mirrored].map(|seen| misfit(seen, 1.0));
+    if other?.length < BETTER * own?.length {
+        return Some(Doubt::Mirrored { sensor: name() });
+    }
+    if sensor.kind == Kind::Pose {
+        for way in [
+            OtherWay::Inverse,
+            OtherWay::ScalarLast,
+            OtherWay::ScalarFirst,
+        ] {
+            let changed: Vec<Seen> = seen
+                .iter()
+                .map(|s| Seen {
+                    turns: s.turns.map(|(a, b)| (a, way.read(&b))),
+                    ..*s
+                })
+                .collect();
+            if misfit(&changed, 1.0).is_some_and(|other| other.angle < BETTER * plain.angle) {
+                return Some(Doubt::Rotations {
+                    sensor: name(),
+                    way,
+                });
+            }
+        }
+    }
+    None
+}
+
+/// The sum of the misfits over instruments, m: angles count with the arm that the positions have.
+fn total(seen: &[Vec<Seen>]) -> Option<f64> {
+    let mut sum = 0.0;
+    for seen in seen {
+        let own = misfit(seen, 1.0)?;
+        let arm = spread(seen, &|s| s.expected);
+        sum += libm::hypot(own.length, arm * own.angle);
+    }
+    Some(sum)
 }
 
 /// What is expected and measured of a frame at a pose.
@@ -324,8 +376,9 @@ fn spread(seen: &[Seen], point: &dyn Fn(&Seen) -> Vector3<f64>) -> f64 {
     libm::sqrt(sum / count)
 }
 
-fn pairs(frames: &[(Pose, Vec<crate::View>)], index: usize, sensor: &Sensor) -> Vec<Seen> {
-    let each = frames.iter().filter_map(|(pose, frames)| {
+impl Seen {
+    /// What a sensor sees at a pose.
+    fn at(pose: &Pose, frames: &[View], index: usize, sensor: &Sensor) -> Option<Self> {
         let values = pose.values.get(index)?.as_ref()?;
         let frame = frames.get(sensor.frame)?;
         let &[.., x, y, z] = &values[..] else {
@@ -333,17 +386,19 @@ fn pairs(frames: &[(Pose, Vec<crate::View>)], index: usize, sensor: &Sensor) -> 
         };
         let turns =
             (values.len() == 12).then(|| (frame.axes, Matrix3::from_row_slice(&values[..9])));
-        Some(Seen {
+        Some(Self {
             expected: frame.point,
             measured: Vector3::new(x, y, z),
             turns,
         })
-    });
-    each.collect()
+    }
 }
 
 /// The misfit of what was seen, with the instrument where it fits best.
 fn misfit(seen: &[Seen], scale: f64) -> Option<Misfit> {
+    if seen.is_empty() {
+        return None;
+    }
     let points: Vec<(Vector3<f64>, Vector3<f64>)> = seen
         .iter()
         .map(|s| (s.expected, scale * s.measured))
