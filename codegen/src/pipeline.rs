@@ -9,11 +9,11 @@ use std::sync::Arc;
 
 use crate::base::{self, Analysis, StoreProblem};
 use crate::checks;
-use crate::constraints::{Closed, HomeProblem};
+use crate::constraints::{Closed, HomeProblem, Mismatch};
 use crate::diag::{Report, Source};
 use crate::explain::{self, Explanation};
 use crate::functions::{Context, Symbols, request};
-use crate::kinematics::{Frames, Geometry};
+use crate::kinematics::{Arguments, Frames, Geometry};
 use crate::model::{self, Model};
 use crate::optimize::lower;
 use crate::robot::{Function, FunctionKind, Robot};
@@ -333,7 +333,7 @@ impl Mechanism {
         if let Some(robot) = self.stored_robot(&key) {
             return Ok(robot);
         }
-        let robot = self.derive_robot(kinds)?;
+        let robot = self.derive_robot(self.closed()?, kinds)?;
         if let Some(store) = &self.store {
             store.put(&key, &|| store::robot_to_bytes(&robot));
         }
@@ -366,9 +366,71 @@ impl Mechanism {
         Key::new(kind, &[which.as_bytes(), payloads, text])
     }
 
+    /// The robot of generated sources: as [`Mechanism::robot`], but where the description has `adjustable`
+    /// names of its geometry the functions take them as arguments, and there are no base parameters, since
+    /// which combinations of parameters count can depend on these names.
+    ///
+    /// # Errors
+    /// As [`Mechanism::robot`].
+    pub fn source_robot(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
+        if self.spec.adjustable.is_empty() {
+            return self.robot(kinds);
+        }
+        let has_base = |kind: &&FunctionKind| kind.signature().needs == Needs::Base;
+        let kinds = kinds.iter().filter(|kind| !has_base(kind)).copied();
+        let kinds: Vec<FunctionKind> = kinds.collect();
+        let names: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
+        let key = self.key("source robot", &names.join(" "));
+        let mut robot = if let Some(robot) = self.stored_robot(&key) {
+            robot
+        } else {
+            let robot = self.derive_robot(&self.with_arguments()?, &kinds)?;
+            if let Some(store) = &self.store {
+                store.put(&key, &|| store::robot_to_bytes(&robot));
+            }
+            robot
+        };
+        let adjustable = self.spec.adjusted();
+        robot.adjustable = adjustable
+            .map(|(name, value)| (name.to_owned(), value))
+            .collect();
+        Ok(robot)
+    }
+
+    /// The closed mechanism with adjustable names as arguments. Their values decide where the loops close
+    /// and in which order they are solved; expressions of the names follow.
+    fn with_arguments(&self) -> Result<ClosedMechanism, Report> {
+        let (names, values): (Vec<&str>, Vec<f64>) = self.spec.adjusted().unzip();
+        let mut g = Graph::new();
+        Symbols::of_coordinates(&mut g, &self.model);
+        // no coordinate's or parameter's name has a blank
+        let symbol = |name: &str| format!("geometry {name}");
+        let arguments = Arguments::new(&mut g, &self.spec, &names, symbol);
+        let symbols = Symbols::new(&mut g, &self.model);
+        let symbols = symbols.with_geometry(arguments.symbols.clone());
+        let frames = Frames::new(&mut g, &self.model, Geometry::Arguments(arguments));
+        let closed = &self.closed()?.closed;
+        let closed = closed.with_arguments(&mut g, &frames, &self.model, &values);
+        let closed = closed.ok_or_else(|| {
+            let choice = self.model.independent.clone();
+            let mismatch = Mismatch::default();
+            self.report(&HomeProblem::NotIndependent { choice, mismatch })
+        })?;
+        checks::check_graph_capacity(&self.source, &self.spec, &g)?;
+        Ok(ClosedMechanism {
+            g,
+            symbols,
+            frames,
+            closed,
+        })
+    }
+
     /// Derives the robot with a program for each function of `kinds` that the mechanism has.
-    fn derive_robot(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
-        let mechanism = self.closed()?;
+    fn derive_robot(
+        &self,
+        mechanism: &ClosedMechanism,
+        kinds: &[FunctionKind],
+    ) -> Result<Robot, Report> {
         let needs_base = kinds
             .iter()
             .any(|kind| kind.signature().needs == Needs::Base);
@@ -526,6 +588,7 @@ fn without_functions(spec: &Spec, model: &Model, at_home: &AtHome) -> Robot {
         redundant_rows: at_home.redundant_rows.clone(),
         gravity: model.gravity.each_ref().map(|g| g.value.to_f64()),
         home: at_home.home.clone(),
+        adjustable: Vec::new(),
         functions: Vec::new(),
         analysis: None,
     }

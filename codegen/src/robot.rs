@@ -110,6 +110,9 @@ pub struct Robot {
     pub gravity: [f64; 3],
     /// The home configuration with all loops closed, rad or m.
     pub home: Vec<f64>,
+    /// The names of the geometry that all functions take as their last argument, with the values of the
+    /// description, rad or m.
+    pub adjustable: Vec<(String, f64)>,
     /// The derived functions.
     pub functions: Vec<Function>,
     /// The base parameters with their certificate, if they were derived.

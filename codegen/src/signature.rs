@@ -167,6 +167,22 @@ pub struct Signature {
     pub of: Trait,
 }
 
+/// The argument with the values of the adjustable geometry, which is the last one of every function of a
+/// robot that has such geometry.
+pub const GEOMETRY: GeometryRow = GeometryRow {
+    name: "geometry",
+    doc: "values of the adjustable geometry, m or rad, in the order of `GEOMETRY`",
+};
+
+/// The row of [`GEOMETRY`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GeometryRow {
+    /// Its name in emitted functions.
+    pub name: &'static str,
+    /// What it contains.
+    pub doc: &'static str,
+}
+
 macro_rules! arguments {
     ($($case:ident { doc: $doc:literal, $($field:ident: $value:expr,)* })*) => {
         /// An argument of a function.

@@ -1,6 +1,7 @@
 //! The tests of this folder as one program, which links once: a file is a module here.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod adjustable;
 mod base_random;
 mod base_ranks;
 mod base_support;

@@ -8,9 +8,9 @@ use regen_codegen::constraints::{Closed, Pivot, world_equations};
 use regen_codegen::diag::Source;
 use regen_codegen::dynamics::{Reduction, TreeKinematics, reduced_regressor};
 use regen_codegen::functions::Symbols;
-use regen_codegen::kinematics::{Frames, Geometry, Rates, centres, motions, twists};
+use regen_codegen::kinematics::{Arguments, Frames, Geometry, Rates, centres, motions, twists};
 use regen_codegen::model::{self, Model};
-use regen_codegen::spec::parse;
+use regen_codegen::spec::{Spec, parse};
 use regen_codegen::sym::{Ex, Graph, print::text};
 
 /// A vertical planar arm of two bars; the axes point out of the plane.
@@ -25,15 +25,27 @@ limbs:
       - {name: q2, type: revolute, dh: {a: l1}, body: 2, actuated: true, rotor_inertia: true}
 ";
 
-fn read(name: &str, text: &str) -> Model {
+fn read(name: &str, text: &str) -> Spec {
     let source = Source::new(name, text);
-    model::build(&parse(&source).unwrap_or_else(|e| panic!("{e}")))
+    parse(&source).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn file(name: &str) -> Model {
+fn file(name: &str) -> Spec {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/fixtures/oracle");
     let text = std::fs::read_to_string(path.join(name)).unwrap();
     read(name, &text)
+}
+
+/// Frames in which every name of the geometry stands for itself.
+fn named_frames(g: &mut Graph, spec: &Spec, model: &Model) -> Frames {
+    let _ = Symbols::new(g, model);
+    let names: Vec<&str> = spec
+        .geometry
+        .iter()
+        .map(|(n, _)| n.value.as_str())
+        .collect();
+    let names = Arguments::new(g, spec, &names, str::to_owned);
+    Frames::new(g, model, Geometry::Arguments(names))
 }
 
 /// The nonzero entries of a matrix, one per line.
@@ -98,10 +110,10 @@ fn rates(g: &mut Graph, model: &Model) -> Rates {
 ///   sign corrected); a rotor is multiplied by the q'' of its row (Eq. 18).
 #[test]
 fn columns_of_a_planar_arm_are_those_of_equation_4() {
-    let model = read("arm.yaml", ARM);
+    let spec = read("arm.yaml", ARM);
+    let model = model::build(&spec);
     let mut g = Graph::new();
-    let _ = Symbols::new(&mut g, &model);
-    let frames = Frames::new(&mut g, &model, Geometry::Names);
+    let frames = named_frames(&mut g, &spec, &model);
     let rates = rates(&mut g, &model);
     let motions = motions(&mut g, &frames, &rates, None);
     let twists = twists(&mut g, &frames, &model);
@@ -130,10 +142,10 @@ fn columns_of_a_planar_arm_are_those_of_equation_4() {
 /// the column of s1.3 is zero in s2.
 #[test]
 fn closure_equations_of_the_3rps_are_those_of_its_legs() {
-    let model = file("3rps.yaml");
+    let spec = file("3rps.yaml");
+    let model = model::build(&spec);
     let mut g = Graph::new();
-    let _ = Symbols::new(&mut g, &model);
-    let frames = Frames::new(&mut g, &model, Geometry::Names);
+    let frames = named_frames(&mut g, &spec, &model);
     let equations = world_equations(&mut g, &frames, &model, None);
     let rows: Vec<String> = row_names(&model);
     let mut shown = String::new();
@@ -159,7 +171,8 @@ fn row_names(model: &Model) -> Vec<String> {
 }
 
 /// A summary of the output of each stage.
-fn stages(model: &Model) -> String {
+fn stages(spec: &Spec) -> String {
+    let model = &model::build(spec);
     let mut g = Graph::new();
     let _ = Symbols::new(&mut g, model);
     let frames = Frames::new(&mut g, model, Geometry::Values);

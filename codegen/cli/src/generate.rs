@@ -19,12 +19,13 @@ use crate::{load, progress, table, terminal, write};
 /// Runs the command.
 pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let (files, dir, whole) = sources(args)?;
+    let robot = |path: &Path| load::source_robot(path, false);
     let entries = match args.target {
-        TargetArg::Rust => compare_modules(derive(&files, load::robot, module)?, &dir, whole)?,
-        TargetArg::C => compare_c(derive(&files, load::robot, c_files)?, &dir, whole)?,
+        TargetArg::Rust => compare_modules(derive(&files, robot, module)?, &dir, whole)?,
+        TargetArg::C => compare_c(derive(&files, robot, c_files)?, &dir, whole)?,
         TargetArg::Casadi => {
             // its Jacobians need the functions of controllers, whatever the description asks for
-            let robot = |path: &Path| load::with_control(&load::source(path)?);
+            let robot = |path: &Path| load::source_robot(path, true);
             compare_c(derive(&files, robot, casadi_files)?, &dir, whole)?
         }
     };

@@ -204,12 +204,6 @@ pub(crate) fn loaded_with_control(
     Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
 }
 
-/// As [`derived`], with the functions of controllers too.
-pub(crate) fn with_control(source: &Source) -> Result<Robot, Failure> {
-    let mechanism = mechanism(source)?;
-    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
-}
-
 /// As [`with_base`], with the functions of controllers too.
 pub(crate) fn with_base_and_control(source: &Source) -> Result<Robot, Failure> {
     let mechanism = mechanism(source)?;
@@ -220,6 +214,19 @@ pub(crate) fn with_base_and_control(source: &Source) -> Result<Robot, Failure> {
 /// Reads and derives one robot.
 pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
     derived(&source(path)?)
+}
+
+/// Reads and derives one robot for generated sources, whose functions take its adjustable geometry: all
+/// functions, or those that the description asks for.
+pub(crate) fn source_robot(path: &Path, all: bool) -> Result<Robot, Failure> {
+    let source = source(path)?;
+    let mechanism = mechanism(&source)?;
+    let kinds = if all {
+        FunctionKind::ALL.to_vec()
+    } else {
+        mechanism.functions()
+    };
+    Ok(deriving(&source, || mechanism.source_robot(&kinds))?)
 }
 
 /// Derives one robot.

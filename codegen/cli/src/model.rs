@@ -30,7 +30,7 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
         return Err(Failure::Input("no spec was named".to_owned()));
     };
     let start = Instant::now();
-    let robot = load::robot(file)?;
+    let robot = load::source_robot(file, false)?;
     let module = module(&robot, file)?;
     terminal::note(&format!(
         "derived {} in {:.2} s",

@@ -28,8 +28,8 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
     };
     let source = load::source(file)?;
     // sources on disk have the functions that the description asks for, and all are verified
-    let same = is_up_to_date(&load::with_base(&source)?, file)?;
     let robot = load::with_base_and_control(&source)?;
+    let same = is_up_to_date(&load::source_robot(file, false)?, file)?;
     let report = checked(&robot, same)?;
     let numeric = regen_verify::numeric_path(&robot, args.states)?;
     terminal::print(&match args.format {

@@ -125,6 +125,11 @@ impl Interpreted<'_> {
         for (input, argument) in inputs.iter_mut().zip(signature.arguments) {
             *input = arguments.get(*argument);
         }
+        // a program of generated sources takes the geometry too, here that of the description
+        let geometry: Vec<T> = self.geometry.iter().map(|x| T::constant(*x)).collect();
+        if let Some(input) = inputs.get_mut(signature.arguments.len()) {
+            *input = &geometry;
+        }
         let pivot = T::run(tape, &inputs, out);
         Ok(Condition { pivot })
     }
@@ -160,10 +165,14 @@ impl Interpreted<'_> {
             entries: arguments.get(*argument),
             is_parameter: argument.is_parameter(),
         });
+        let geometry = (!self.geometry.is_empty()).then_some(Input {
+            entries: &self.geometry,
+            is_parameter: true,
+        });
         let run = Run {
             tape,
             count,
-            inputs: &inputs.collect::<Vec<_>>(),
+            inputs: &inputs.chain(geometry).collect::<Vec<_>>(),
             out,
             pivots,
         };

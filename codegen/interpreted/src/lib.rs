@@ -61,6 +61,8 @@ pub struct Interpreted<'a> {
     base: Vec<BaseParameter<'a>>,
     zeros: Vec<BaseParameter<'a>>,
     free: Vec<&'a str>,
+    /// The adjustable geometry of the description, for programs that take it.
+    geometry: Vec<f64>,
 }
 
 /// The terms of a robot's base parameters, which [`Interpreted::with_terms`] refers to.
@@ -182,6 +184,7 @@ impl<'a> Interpreted<'a> {
             base: Vec::new(),
             zeros: Vec::new(),
             free: free.map(|p| p.label.as_str()).collect(),
+            geometry: robot.adjustable.iter().map(|(_, value)| *value).collect(),
         };
         model.sizes = Sizes {
             base: model.rank(),

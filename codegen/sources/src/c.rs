@@ -45,8 +45,13 @@ pub fn c_files(robot: &Robot, spec: &Path) -> Result<CFiles, SourceError> {
 ///
 /// # Errors
 ///
-/// As [`c_files`].
+/// As [`c_files`], and if the robot has adjustable geometry.
 pub fn casadi_files(robot: &Robot, spec: &Path) -> Result<CFiles, SourceError> {
+    if !robot.adjustable.is_empty() {
+        return Err(SourceError::Adjustable {
+            spec: spec.to_owned(),
+        });
+    }
     let mut files = c_files(robot, spec)?;
     let banner = banner(spec, "regen generate --target casadi");
     files.casadi = Some(banner + &c::casadi(robot));

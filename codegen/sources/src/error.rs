@@ -32,6 +32,11 @@ pub enum SourceError {
         /// Its name.
         robot: String,
     },
+    /// A robot with adjustable geometry, which functions for `CasADi` do not take.
+    Adjustable {
+        /// The robot's description.
+        spec: PathBuf,
+    },
     /// Two robots whose C functions would have the same name.
     SameSymbol {
         /// One robot.
@@ -84,6 +89,11 @@ impl fmt::Display for SourceError {
                 f,
                 "{}: a robot named `{robot}` cannot have a header of that name, which is one of \
                  the C library's",
+                spec.display()
+            ),
+            Self::Adjustable { spec } => write!(
+                f,
+                "{}: functions for CasADi take no geometry; leave out `adjustable` for them",
                 spec.display()
             ),
             Self::SameSymbol {

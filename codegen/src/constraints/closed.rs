@@ -30,6 +30,9 @@ pub struct Closed {
     pub home: Vec<f64>,
     /// The solution of the closure equations; `None` for a mechanism without dependent coordinates.
     pub closure: Option<LoopSolver>,
+    /// The closed states over which the order of elimination was chosen; none without dependent
+    /// coordinates.
+    states: Vec<Vec<f64>>,
 }
 
 /// The largest number of closed states that are proposed where home does not close.
@@ -97,6 +100,7 @@ impl Closed {
             return Ok(Closed {
                 home,
                 closure: None,
+                states: Vec::new(),
             });
         }
         let states = closed_states(&loops, model, &home);
@@ -112,6 +116,33 @@ impl Closed {
         Ok(Closed {
             home,
             closure: Some(closure),
+            states,
+        })
+    }
+
+    /// The same mechanism in a graph whose next symbols after the coordinates are arguments with these
+    /// values: loops are closed as before, from the same viewpoints.
+    pub fn with_arguments(
+        &self,
+        g: &mut Graph,
+        frames: &Frames,
+        model: &Model,
+        arguments: &[f64],
+    ) -> Option<Closed> {
+        let closure = match &self.closure {
+            None => None,
+            Some(own) => {
+                let states = self.states.iter();
+                let states: Vec<Vec<f64>> = states.map(|q| [q, arguments].concat()).collect();
+                g.set_naming(false);
+                let closure = LoopSolver::build(g, frames, model, &own.viewpoints, &states);
+                g.set_naming(true);
+                Some(closure?)
+            }
+        };
+        Some(Closed {
+            closure,
+            ..self.clone()
         })
     }
 }

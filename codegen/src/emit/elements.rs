@@ -50,6 +50,12 @@ pub(super) fn preferred_names(robot: &Robot, argument: Argument) -> Vec<String> 
         .collect()
 }
 
+/// The preferred names of the adjustable geometry in an emitted function.
+pub(super) fn adjustable_names(robot: &Robot) -> Vec<String> {
+    let names = robot.adjustable.iter();
+    names.map(|(name, _)| format!("g_{name}")).collect()
+}
+
 /// Labels of the base parameters that functions take as `beta`.
 pub(super) fn kept_labels(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();

@@ -14,7 +14,7 @@ use crate::constraints::Closed;
 use crate::kinematics::Frames;
 use crate::model::Model;
 use crate::optimize::{self, Output, Request};
-use crate::signature::{Argument, FunctionKind, Needs, Size};
+use crate::signature::{Argument, FunctionKind, GEOMETRY, Needs, Size};
 use crate::sym::{Ex, Graph, SymbolId};
 
 /// The results of the derivation that the functions are built from.
@@ -45,10 +45,21 @@ pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
     }
     let groups = groups(cx, kind)?;
     let arguments = signature.arguments.iter();
-    let arguments = arguments.map(|a| argument(cx, *a)).collect::<Option<_>>()?;
+    let arguments = arguments
+        .map(|a| argument(cx, *a))
+        .collect::<Option<Vec<_>>>()?;
+    let geometry = cx.symbols.geometry.clone();
+    let geometry = (!geometry.is_empty()).then(|| {
+        let argument = optimize::Argument {
+            name: GEOMETRY.name.to_owned(),
+            len: geometry.len(),
+            doc: GEOMETRY.doc.to_owned(),
+        };
+        (argument, geometry)
+    });
     let lengths = signature.shape.outer_first().into_iter();
     Some(Request {
-        arguments,
+        arguments: arguments.into_iter().chain(geometry).collect(),
         output: Output {
             name: signature.output.to_owned(),
             shape: lengths.map(|size| length(cx, size)).collect(),

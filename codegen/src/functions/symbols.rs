@@ -14,10 +14,13 @@ pub struct Symbols {
     pub(super) tau_i: Vec<SymbolId>,
     pub(super) qd_r: Vec<SymbolId>,
     pub(super) qdd_r: Vec<SymbolId>,
+    /// The arguments for adjustable names of the geometry.
+    pub(super) geometry: Vec<SymbolId>,
 }
 
 impl Symbols {
-    /// Adds the symbols to a graph that has none yet.
+    /// Adds the symbols to a graph that has none yet, or those of the coordinates and, behind them, of an
+    /// adjustable geometry.
     pub fn new(g: &mut Graph, model: &Model) -> Self {
         let mut all = |suffix: &str, which: &[usize]| -> Vec<SymbolId> {
             which
@@ -43,6 +46,20 @@ impl Symbols {
             tau_i,
             qd_r,
             qdd_r,
+            geometry: Vec::new(),
+        }
+    }
+
+    /// The same with arguments for the adjustable geometry.
+    #[must_use]
+    pub fn with_geometry(self, geometry: Vec<SymbolId>) -> Self {
+        Symbols { geometry, ..self }
+    }
+
+    /// Adds those of the coordinates, which are a graph's first.
+    pub fn of_coordinates(g: &mut Graph, model: &Model) {
+        for coordinate in &model.coordinates {
+            g.symbol_id(&coordinate.name);
         }
     }
 

@@ -5,20 +5,10 @@
 //! products for a vector, and none if its angle is a multiple of a quarter turn.
 
 use crate::model::{Model, MotionKind, Placement, Step};
-use crate::spec::{Axis, Expr, Function, Quantity};
+use crate::spec::{Axis, Quantity};
 use crate::sym::{Angle, Ex, Graph, M3, Number, V3, ZERO3};
 
-use super::Twist;
-
-/// How lengths and gravity enter the expressions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Geometry {
-    /// As their exact values, for specialised code.
-    Values,
-    /// As the names of the spec, for derivations that a person reads. Angles enter as values in
-    /// either case.
-    Names,
-}
+use super::{Geometry, Twist};
 
 /// A rotation about a coordinate axis.
 #[derive(Clone, Copy, Debug)]
@@ -98,10 +88,15 @@ impl Turn {
 }
 
 /// The rotations of a placement and of a joint; neighbours about the same axis are merged into one.
-fn merged(placement: &Placement, joint: Option<(Axis, Angle)>) -> Vec<(Axis, Angle)> {
+fn merged(
+    g: &mut Graph,
+    geometry: &Geometry,
+    placement: &Placement,
+    joint: Option<(Axis, Angle)>,
+) -> Vec<(Axis, Angle)> {
     let mut angles: Vec<(Axis, Angle)> = Vec::new();
     let steps = placement.iter().filter_map(|step| match step {
-        Step::Rotate(axis, angle) => Some((*axis, Angle::constant(angle.value.clone()))),
+        Step::Rotate(axis, angle) => Some((*axis, geometry.angle(g, angle))),
         Step::Translate(..) => None,
     });
     for (axis, angle) in steps.chain(joint) {
@@ -134,7 +129,7 @@ impl Frames {
     pub fn new(g: &mut Graph, model: &Model, geometry: Geometry) -> Self {
         let gravity = {
             let [x, y, z] = &model.gravity;
-            [x, y, z].map(|q| length(g, q, geometry))
+            [x, y, z].map(|q| geometry.length(g, q))
         };
         let mut frames = Frames {
             links: Vec::new(),
@@ -145,7 +140,7 @@ impl Frames {
             let name = |c: usize| model.coordinates[c].name.as_str();
             let joint = link.motion.as_ref().map(|m| FrameJoint {
                 coordinate: m.coordinate,
-                twist: Twist::of_motion(g, m, geometry),
+                twist: Twist::of_motion(g, m, &frames.geometry),
             });
             let turning = link.motion.as_ref().and_then(|m| {
                 (m.kind == MotionKind::Rotation).then(|| {
@@ -164,7 +159,7 @@ impl Frames {
                 let slide = apply_out(g, &fixed, &slide);
                 offset = g.add3(&offset, &slide);
             }
-            let angles = merged(&link.placement, turning);
+            let angles = merged(g, &frames.geometry, &link.placement, turning);
             frames.links.push(LinkFrame {
                 parent: link.parent,
                 turns: turns(g, angles),
@@ -184,15 +179,17 @@ impl Frames {
             match step {
                 Step::Rotate(..) => so_far.push(step.clone()),
                 Step::Translate(axis, quantity) => {
-                    let shift = length(g, quantity, self.geometry);
+                    let shift = self.length(g, quantity);
                     let shift = g.scale3(shift, &unit(*axis));
-                    let reached = turns(g, merged(&so_far, None));
+                    let reached = merged(g, &self.geometry, &so_far, None);
+                    let reached = turns(g, reached);
                     let shift = apply_out(g, &reached, &shift);
                     offset = g.add3(&offset, &shift);
                 }
             }
         }
-        (turns(g, merged(&so_far, None)), offset)
+        let angles = merged(g, &self.geometry, &so_far, None);
+        (turns(g, angles), offset)
     }
 
     /// Rotation matrix and translation of a constant placement.
@@ -211,7 +208,7 @@ impl Frames {
 
     /// A length of the spec as an expression.
     pub fn length(&self, g: &mut Graph, quantity: &Quantity) -> Ex {
-        length(g, quantity, self.geometry)
+        self.geometry.length(g, quantity)
     }
 
     /// Components in the link's frame of a vector given in the parent's.
@@ -229,68 +226,4 @@ impl Frames {
     pub fn rotate_columns(&self, g: &mut Graph, link: usize, m: &M3) -> M3 {
         m.map(|row| self.into_link(g, link, &row))
     }
-}
-
-/// A length of the spec as an expression.
-pub(super) fn length(g: &mut Graph, quantity: &Quantity, geometry: Geometry) -> Ex {
-    match geometry {
-        Geometry::Values => g.constant(quantity.value.clone()),
-        Geometry::Names => {
-            named(g, &quantity.expr).unwrap_or_else(|| g.constant(quantity.value.clone()))
-        }
-    }
-}
-
-/// An expression of the spec in terms of its names; `None` if the graph cannot represent it, and
-/// the caller uses its value.
-fn named(g: &mut Graph, expr: &Expr) -> Option<Ex> {
-    let pair = |g: &mut Graph, a: &Expr, b: &Expr| Some((named(g, a)?, named(g, b)?));
-    Some(match expr {
-        Expr::Number(n) => g.constant(n.clone()),
-        Expr::Pi => g.constant(Number::pi()),
-        Expr::Name(name) => g.symbol(name),
-        Expr::Neg(a) => {
-            let a = named(g, a)?;
-            g.neg(a)
-        }
-        Expr::Add(a, b) => {
-            let (a, b) = pair(g, a, b)?;
-            g.add(a, b)
-        }
-        Expr::Sub(a, b) => {
-            let (a, b) = pair(g, a, b)?;
-            g.sub(a, b)
-        }
-        Expr::Mul(a, b) => {
-            let (a, b) = pair(g, a, b)?;
-            g.mul(a, b)
-        }
-        Expr::Div(a, b) => {
-            let (a, b) = pair(g, a, b)?;
-            g.div(a, b)?
-        }
-        Expr::Pow(a, b) => {
-            let base = named(g, a)?;
-            let exponent = named(g, b)?;
-            let exponent = g.value(exponent)?.as_i64()?;
-            let mut product = Ex::ONE;
-            for _ in 0..u8::try_from(exponent).ok()? {
-                product = g.mul(product, base);
-            }
-            product
-        }
-        Expr::Call(function, a) => {
-            let a = named(g, a)?;
-            let value = g.value(a)?;
-            let result = match function {
-                Function::Sqrt => value.sqrt()?,
-                Function::Sin => value.sin_cos().0,
-                Function::Cos => value.sin_cos().1,
-                Function::Tan => value.tan()?,
-                Function::Sign | Function::Abs => return None,
-                Function::Deg => value.mul(&Number::pi()).div(&Number::from_i64(180))?,
-            };
-            g.constant(result)
-        }
-    })
 }

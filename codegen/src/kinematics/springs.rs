@@ -29,7 +29,7 @@ pub fn spring_column(
             vec![(coordinate, g.sub(q, rest))]
         }
         ParameterKind::EffortTerm { term, coordinate } => {
-            let factor = term_factor(g, model, rates, &model.effort_terms[term]);
+            let factor = term_factor(g, (model, frames), rates, &model.effort_terms[term]);
             vec![(coordinate, factor)]
         }
         ParameterKind::PointSpring { spring, part } if rates.gravity => {
@@ -40,29 +40,33 @@ pub fn spring_column(
 }
 
 /// The factor of an effort term; if `rates.gravity` is not set, minus its value at rest.
-fn term_factor(g: &mut Graph, model: &Model, rates: &Rates, term: &EffortTerm) -> Ex {
+fn term_factor(
+    g: &mut Graph,
+    (model, frames): (&Model, &Frames),
+    rates: &Rates,
+    term: &EffortTerm,
+) -> Ex {
     let q = g.symbol(&model.coordinates[term.coordinate].name);
     let qd = rates.qd[term.coordinate];
-    let factor = expression(g, &term.factor, q, qd);
+    let factor = expression(g, frames, &term.factor, (q, qd));
     if rates.gravity {
         return factor;
     }
-    let at_rest = expression(g, &term.factor, q, Ex::ZERO);
+    let at_rest = expression(g, frames, &term.factor, (q, Ex::ZERO));
     g.sub(factor, at_rest)
 }
 
 /// The expression of a factor at a coordinate and its rate. A quotient by 0 is 0 times its
 /// numerator in the graph only if its divisor is the constant 0.
-fn expression(g: &mut Graph, factor: &EffortExpr, q: Ex, qd: Ex) -> Ex {
-    let pair = |g: &mut Graph, a: &EffortExpr, b: &EffortExpr| {
-        (expression(g, a, q, qd), expression(g, b, q, qd))
-    };
+fn expression(g: &mut Graph, frames: &Frames, factor: &EffortExpr, at: (Ex, Ex)) -> Ex {
+    let one = |g: &mut Graph, a: &EffortExpr| expression(g, frames, a, at);
+    let pair = |g: &mut Graph, a: &EffortExpr, b: &EffortExpr| (one(g, a), one(g, b));
     match factor {
-        EffortExpr::Constant(quantity) => g.constant(quantity.value.clone()),
-        EffortExpr::Q => q,
-        EffortExpr::Qd => qd,
+        EffortExpr::Constant(quantity) => frames.length(g, quantity),
+        EffortExpr::Q => at.0,
+        EffortExpr::Qd => at.1,
         EffortExpr::Neg(a) => {
-            let a = expression(g, a, q, qd);
+            let a = one(g, a);
             g.neg(a)
         }
         EffortExpr::Add(a, b) => {
@@ -82,11 +86,11 @@ fn expression(g: &mut Graph, factor: &EffortExpr, q: Ex, qd: Ex) -> Ex {
             g.div(a, b).unwrap_or(Ex::ZERO)
         }
         EffortExpr::Pow(a, exponent) => {
-            let a = expression(g, a, q, qd);
+            let a = one(g, a);
             power(g, a, *exponent)
         }
         EffortExpr::Call(function, a) => {
-            let a = expression(g, a, q, qd);
+            let a = one(g, a);
             call(g, *function, a)
         }
     }

@@ -5,7 +5,6 @@
 use crate::model::{Model, Motion, MotionKind};
 use crate::sym::{Graph, V3, ZERO3};
 
-use super::frames::length;
 use super::{Frames, Geometry, unit};
 
 /// The velocity of a link for a unit rate of a coordinate, in the link's frame at its origin.
@@ -19,12 +18,12 @@ pub struct Twist {
 
 impl Twist {
     /// The unit twist of a motion in the frame of the link that it moves.
-    pub fn of_motion(g: &mut Graph, motion: &Motion, geometry: Geometry) -> Twist {
+    pub fn of_motion(g: &mut Graph, motion: &Motion, geometry: &Geometry) -> Twist {
         let axis = unit(motion.axis);
         match (motion.kind, &motion.lead) {
             (MotionKind::Rotation, None) => Twist { e: axis, u: ZERO3 },
             (MotionKind::Rotation, Some(lead)) => {
-                let lead = length(g, lead, geometry);
+                let lead = geometry.length(g, lead);
                 let u = g.scale3(lead, &axis);
                 Twist { e: axis, u }
             }

@@ -67,7 +67,7 @@ impl From<Report> for DeriveError {
 }
 
 /// Derives a robot with the functions of generated sources from the text of its spec
-/// ([`Mechanism::functions`]). A robot with more than
+/// ([`Mechanism::functions`], [`Mechanism::source_robot`]). A robot with more than
 /// [`base::MAX_PARAMETERS`] parameters gets no base parameters and none of the functions that need
 /// them.
 ///
@@ -93,7 +93,7 @@ impl From<Report> for DeriveError {
 /// ```
 pub fn derive(source: &Source) -> Result<Robot, Report> {
     let mechanism = Mechanism::open(source)?;
-    mechanism.robot(&mechanism.functions())
+    mechanism.source_robot(&mechanism.functions())
 }
 
 /// Derives a robot from the text of its spec, with the base parameters from the source `from`. A
@@ -106,12 +106,13 @@ pub fn derive_with(source: &Source, from: BaseSource<'_>) -> Result<Robot, Deriv
     let mut mechanism = Mechanism::open(source)?;
     // report mistakes in the spec before those in the stored base parameters
     mechanism.closed()?;
-    let few_enough_parameters = base::has_few_enough_parameters(&mechanism.model);
+    let few_enough_parameters =
+        base::has_few_enough_parameters(&mechanism.model) && mechanism.spec.adjustable.is_empty();
     match from {
         BaseSource::Skip => {
             let mut functions = mechanism.functions();
             functions.retain(|kind| kind.signature().needs != Needs::Base);
-            return Ok(mechanism.robot(&functions)?);
+            return Ok(mechanism.source_robot(&functions)?);
         }
         BaseSource::Store(Some(text)) if few_enough_parameters => {
             mechanism.load_base(text).map_err(DeriveError::Store)?;
@@ -123,7 +124,7 @@ pub fn derive_with(source: &Source, from: BaseSource<'_>) -> Result<Robot, Deriv
         }
         BaseSource::Store(_) | BaseSource::Derivation => {}
     }
-    Ok(mechanism.robot(&mechanism.functions())?)
+    Ok(mechanism.source_robot(&mechanism.functions())?)
 }
 
 /// The kinds of the functions that every robot has: those of the trait `Model`.

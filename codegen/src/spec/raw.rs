@@ -50,6 +50,8 @@ record! {
         default gravity: [Scalar; 3] = "[0, 0, -9.81]",
         /// Named constants in order: a number, or an expression in earlier names
         optional geometry: Ordered<ConstantName, Scalar>,
+        /// Names of `geometry` that functions of generated sources take as arguments, such as those that are calibrated; the others are constants in them
+        default adjustable: Vec<ConstantName> = "[]",
         /// Serial branches in order; the coordinates are numbered in this order
         required limbs: Vec<RawLimb>,
         /// Loop closures: joints opened to obtain the tree

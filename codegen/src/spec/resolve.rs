@@ -1,6 +1,7 @@
 //! Evaluates every expression of a spec whose names have been checked, and checks the values:
 //! intervals, cone angles, pitches, masses, inertias.
 
+mod adjustable;
 mod drives;
 mod springs;
 
@@ -71,6 +72,7 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
         description: raw.description.as_ref().map(|text| text.0.clone()),
         gravity: gravity?,
         geometry: geometry?,
+        adjustable: raw.adjustable.iter().map(|name| spanned(&name.0)).collect(),
         limbs: limbs?,
         cuts: cuts?,
         springs: springs?,
@@ -88,6 +90,7 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
         control: raw.control.value,
     };
     drives::add(drives?, &mut spec);
+    adjustable::check(&spec, resolver.sink);
     resolver.check_home_of_drives(&spec);
     Some(spec)
 }

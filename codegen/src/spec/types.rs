@@ -95,6 +95,8 @@ pub struct Spec {
     pub gravity: [Quantity; 3],
     /// Named constants in the order written; an expression uses earlier names only.
     pub geometry: Vec<(Spanned<String>, Quantity)>,
+    /// The names of `geometry` that are arguments of functions in generated sources.
+    pub adjustable: Vec<Spanned<String>>,
     /// Serial branches in order, then one for each drive: a massless joint from the world.
     pub limbs: Vec<Limb>,
     /// Joints opened to obtain the tree.
@@ -124,6 +126,19 @@ pub struct Spec {
 }
 
 impl Spec {
+    /// The adjustable names of the geometry with their values.
+    pub fn adjusted(&self) -> impl Iterator<Item = (&str, f64)> {
+        let values = |name: &str| {
+            let mut all = self.geometry.iter();
+            all.find(|(own, _)| own.value == name)
+        };
+        let names = self.adjustable.iter();
+        names.filter_map(move |name| {
+            let (_, quantity) = values(&name.value)?;
+            Some((name.value.as_str(), quantity.value.to_f64()))
+        })
+    }
+
     /// Every quantity of the mechanism and its home: gravity, placements, leads, springs, effort
     /// terms, couplings and home coordinates. Not the geometry's values, limits, nominal values and `base`.
     pub fn quantities_mut(&mut self) -> Vec<&mut Quantity> {

@@ -206,14 +206,15 @@ const ALL: [External; 5] = [
     },
 ];
 
-/// The functions that a robot has.
+/// The functions that a robot has: none where those of its C files take its geometry too.
 fn externals(robot: &Robot) -> Vec<&'static External> {
     let has = |kind: &FunctionKind| robot.functions.iter().any(|f| f.kind == *kind);
     let exist = |external: &&External| {
         let is_close = external.name == "close";
         (!is_close || close::exists(robot)) && external.calls.iter().all(has)
     };
-    ALL.iter().filter(exist).collect()
+    let all = ALL.iter().filter(|_| robot.adjustable.is_empty());
+    all.filter(exist).collect()
 }
 
 /// The names that the file gives to the linker.

@@ -42,6 +42,12 @@ pub(super) fn declarations(
     }
     let Spelling { prefix, macros } = names;
     let (independent, coordinates) = (robot.independent.len(), robot.coordinates.len());
+    let geometry = match robot.adjustable.len() {
+        0 => String::new(),
+        count => format!(
+            "geometry[{count}]: the geometry with which they close, in the order of {prefix}_geometry\n   "
+        ),
+    };
     let stack = |precision: Precision, bytes: usize| {
         let own = bytes * (2 * coordinates + robot.dependent.len()) + 256;
         (functions.stack(FunctionKind::NewtonStep, precision) + own).next_multiple_of(64)
@@ -52,6 +58,7 @@ pub(super) fn declarations(
          they move little, as from one cycle of a controller to the next, and in as many sub-steps as it takes\n   \
          where they move far. Begin with a copy of {prefix}_home.\n\n   \
          q_i[{independent}]: the independent coordinates to move to, in the order of {prefix}_independent\n   \
+         {geometry}\
          q[{coordinates}], changed: the coordinates of a closed state, and then those of the new one\n   \
          Returns 0 where the loops are closed, and else -1 with q as it was: where the line leads to a nearly\n   \
          singular state or to none, after {MOST_STEPS} sub-steps, and where a number is not finite.\n\n   \
@@ -64,7 +71,7 @@ pub(super) fn declarations(
         let _ = writeln!(
             out,
             "#ifndef {guard}\n{};\n#endif",
-            spelled(HEAD, prefix, precision)
+            spelled(&head(robot), prefix, precision)
         );
     }
 }
@@ -101,8 +108,13 @@ pub(super) fn definition(robot: &Robot, names: &Spelling, precision: Precision) 
         .replace("SMALL", &precision.literal(small))
         .replace("NEAR", &precision.literal(NEAR_SINGULAR))
         .replace("SIZE", size);
+    let body = if robot.adjustable.is_empty() {
+        body
+    } else {
+        body.replace("(next, step)", "(next, geometry, step)")
+    };
     let text = spelled(
-        &format!("\n{HEAD}\n{{\n{table}{body}"),
+        &format!("\n{}\n{{\n{table}{body}", head(robot)),
         &names.prefix,
         precision,
     );
@@ -110,7 +122,15 @@ pub(super) fn definition(robot: &Robot, names: &Spelling, precision: Precision) 
         .replace("%p", &names.prefix)
 }
 
-const HEAD: &str = "int @close(const REAL *RESTRICT q_i, REAL *RESTRICT q)";
+/// The head of the function.
+fn head(robot: &Robot) -> String {
+    let geometry = if robot.adjustable.is_empty() {
+        ""
+    } else {
+        "const REAL *RESTRICT geometry, "
+    };
+    format!("int @close(const REAL *RESTRICT q_i, {geometry}REAL *RESTRICT q)")
+}
 
 const BODY: &str = r"    REAL last[%M_COORDINATE_COUNT], next[%M_COORDINATE_COUNT], step[%M_DEPENDENT_COUNT];
     REAL done = #0.0, part = #1.0;

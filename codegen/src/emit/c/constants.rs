@@ -154,6 +154,18 @@ fn arrays(robot: &Robot) -> Vec<Array> {
         "The home configuration, closed; it picks the assembly branch.",
         Values::Numbers(robot.home.clone()),
     );
+    let names = robot.adjustable.iter().map(|(name, _)| name.clone());
+    add(
+        "geometry",
+        "Names of the adjustable geometry, in the order of geometry.",
+        Values::Texts(names.collect()),
+    );
+    let values = robot.adjustable.iter().map(|(_, value)| *value);
+    add(
+        "stated_geometry",
+        "The adjustable geometry as the description states it, m or rad; home is closed with it.",
+        Values::Numbers(values.collect()),
+    );
     add(
         "gravity_vector",
         "Gravity in the world frame, m/s^2.",

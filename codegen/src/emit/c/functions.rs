@@ -8,7 +8,7 @@ use crate::robot::{Function, Robot};
 use crate::signature::FunctionKind;
 
 use super::super::body::statements;
-use super::super::elements::preferred_names;
+use super::super::elements::{adjustable_names, preferred_names};
 use super::super::plan::{is_zero, reads_argument};
 use super::close;
 use super::constants;
@@ -139,7 +139,10 @@ fn write(
         entries: Cell::new(0),
     };
     let arguments = kind.signature().arguments.iter();
-    let preferred: Vec<Vec<String>> = arguments.map(|a| preferred_names(robot, *a)).collect();
+    let preferred: Vec<Vec<String>> = arguments
+        .map(|a| preferred_names(robot, *a))
+        .chain([adjustable_names(robot)])
+        .collect();
     let body = statements(program, &language, &preferred);
     let mut text = prototype(function, precision, names);
     text.push_str("\n{\n");

@@ -9,11 +9,11 @@ use crate::signature::Passing;
 
 use super::super::body::statements;
 use super::super::documentation::{DIGEST, EQUATIONS, base_sizes, operations, sizes};
-use super::super::elements::{base_of, preferred_names};
+use super::super::elements::{adjustable_names, base_of, preferred_names};
 use super::super::plan::{is_zero, reads_argument};
 use super::names::{BASE_IMPORTS, IMPORTS, literal};
 use super::statements::Rust;
-use super::{base, stated, trait_impl};
+use super::{base, geometry, stated, trait_impl};
 
 /// The largest number of zeros of a matrix that are stored one by one: more are code that is read
 /// once and slower than a fill of the memory.
@@ -230,6 +230,7 @@ fn constants(robot: &Robot, out: &mut String) {
     wrapped(out, robot.home.iter().copied().map(literal));
     let _ = writeln!(out, "];");
     stated::constants(robot, out);
+    geometry::write(robot, out);
     let _ = writeln!(out, "/// Names, sizes, and what is stated about joints.");
     let _ = writeln!(out, "pub const INFO: Info<'static> = Info {{");
     let _ = writeln!(out, "    name: {:?},", robot.name);
@@ -329,7 +330,10 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         );
     }
     let arguments = signature.arguments.iter();
-    let names: Vec<Vec<String>> = arguments.map(|a| preferred_names(robot, *a)).collect();
+    let names: Vec<Vec<String>> = arguments
+        .map(|a| preferred_names(robot, *a))
+        .chain([adjustable_names(robot)])
+        .collect();
     let language = Rust {
         runtime: &options.runtime,
         has_condition,

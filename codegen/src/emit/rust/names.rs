@@ -120,9 +120,9 @@ pub(super) const BASE_IMPORTS: [&str; 7] = [
     "Certificate",
 ];
 
-/// Constants of a module that could also be the name of a type. Names with `_` between two letters
+/// Constants of a module that could also be the name of a type, and its type of a geometry. Names with `_` between two letters
 /// are missing, because no type has such a name.
-const CONSTANTS: [&str; 16] = [
+const CONSTANTS: [&str; 18] = [
     "ACTUATED",
     "BASE",
     "BODIES",
@@ -132,6 +132,8 @@ const CONSTANTS: [&str; 16] = [
     "DIGEST",
     "FRAMES",
     "FREE",
+    "GEOMETRY",
+    "Geometry",
     "HOME",
     "INDEPENDENT",
     "INFO",

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use crate::robot::{Function, Robot};
-use crate::signature::{Argument, FunctionKind, Passing, Trait};
+use crate::signature::{Argument, FunctionKind, GEOMETRY, Passing, Trait};
 
 use super::super::elements::base_of;
 use super::module::Options;
@@ -15,8 +15,16 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
     let runtime = &options.runtime;
     let _ = writeln!(out);
     let _ = writeln!(out, "/// The robot as a `Model`, over slices.");
-    let _ = writeln!(out, "#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]");
-    let _ = writeln!(out, "pub struct {name};\n");
+    if robot.adjustable.is_empty() {
+        let _ = writeln!(out, "#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]");
+        let _ = writeln!(out, "pub struct {name};\n");
+    } else {
+        let _ = writeln!(out, "#[derive(Clone, Copy, Debug, Default, PartialEq)]");
+        let _ = writeln!(out, "pub struct {name} {{");
+        let _ = writeln!(out, "    /// The geometry that its functions are given.");
+        let _ = writeln!(out, "    pub geometry: Geometry,");
+        let _ = writeln!(out, "}}\n");
+    }
     let _ = writeln!(out, "impl<T: Scalar> Model<T> for {name} {{");
     let _ = writeln!(out, "    fn info(&self) -> Info<'_> {{");
     let _ = writeln!(out, "        INFO");
@@ -141,6 +149,10 @@ fn emit_call(function: &Function, runtime: &str, out: &mut String) {
     let mut line = |text: String| {
         let _ = writeln!(out, "                {text}");
     };
+    if program.arguments.len() > signature.arguments.len() {
+        line(format!("let geometry = &self.geometry.splat({proto}[0]);"));
+        names.push(GEOMETRY.name);
+    }
     line(format!("let out = {target};"));
     let name = signature.name;
     match (signature.passing, signature.has_condition) {

@@ -1,0 +1,3 @@
+regen_runtime::robot_model!("adjustable.yaml");
+
+fn main() {}
