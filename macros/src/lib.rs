@@ -1,6 +1,6 @@
 //! [`robot_model!`]: a robot's dynamics, derived from its YAML spec at compile time.
 //!
-//! Use it through `regen-runtime` with the feature `macros`.
+//! Use it through `regen-robotics`, or through `regen-runtime` with the feature `macros`.
 
 mod input;
 mod locate;

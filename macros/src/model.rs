@@ -97,14 +97,18 @@ fn module_name(name: &str) -> Result<Ident, String> {
         })
 }
 
-/// The path of the runtime in the crate that calls the macro, which may have renamed it.
+/// The path of the runtime in the crate that calls the macro, which may have renamed it, or may have
+/// it from `regen-robotics` only.
 fn runtime() -> Result<String, String> {
-    match crate_name("regen-runtime") {
-        Ok(FoundCrate::Name(name)) => Ok(format!("::{name}")),
+    match (crate_name("regen-runtime"), crate_name("regen-robotics")) {
+        (Ok(FoundCrate::Name(name)), _) => Ok(format!("::{name}")),
         // The runtime's tests, examples and documentation.
-        Ok(FoundCrate::Itself) => Ok("::regen_runtime".to_owned()),
-        Err(_) => Err(
-            "robot_model! needs the crate `regen-runtime` as a dependency of this crate".to_owned(),
+        (Ok(FoundCrate::Itself), _) => Ok("::regen_runtime".to_owned()),
+        (_, Ok(FoundCrate::Name(name))) => Ok(format!("::{name}::runtime")),
+        (_, Ok(FoundCrate::Itself)) => Ok("::regen_robotics::runtime".to_owned()),
+        _ => Err(
+            "robot_model! needs `regen-robotics` or `regen-runtime` as a dependency of this crate"
+                .to_owned(),
         ),
     }
 }

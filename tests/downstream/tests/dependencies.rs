@@ -54,6 +54,7 @@ fn the_macro_and_what_it_emits_never_build_the_heavy_crates() {
     assert_light("regen-generated", &["--features", "std"]);
     assert_light("regen-runtime", &[]);
     assert_light("regen-runtime", &["--features", "macros"]);
+    assert_light("regen-robotics", &["--features", "control"]);
 }
 
 /// The check can fail: it finds crates that are built.

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 
 use regen_downstream::target_folder;
 
@@ -96,10 +96,9 @@ fn outside_crate(name: &str, manifest: &str, source_file: &str, source: &str) ->
     dir
 }
 
-/// Runs cargo in a crate and returns its standard output.
-#[track_caller]
-fn cargo(dir: &Path, args: &[&str]) -> String {
-    let output = Command::new(env!("CARGO"))
+/// Runs cargo in a crate.
+fn run_cargo(dir: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO"))
         .args(args)
         .current_dir(dir)
         .env(
@@ -109,11 +108,25 @@ fn cargo(dir: &Path, args: &[&str]) -> String {
         .env("CARGO_INCREMENTAL", "0") // as `trybuild` sets it: the same crates are not built again
         .env_remove("RUSTFLAGS")
         .output()
-        .unwrap();
+        .unwrap()
+}
+
+/// Runs cargo in a crate and returns its standard output.
+#[track_caller]
+fn cargo(dir: &Path, args: &[&str]) -> String {
+    let output = run_cargo(dir, args);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "cargo {args:?}:\n{errors}");
     assert!(!errors.contains("warning: "), "cargo {args:?}:\n{errors}");
     String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs cargo in a crate that does not compile, and returns its errors.
+#[track_caller]
+fn cargo_fails(dir: &Path, args: &[&str]) -> String {
+    let output = run_cargo(dir, args);
+    assert!(!output.status.success(), "cargo {args:?} succeeds");
+    String::from_utf8(output.stderr).unwrap()
 }
 
 /// A program that evaluates every method of every robot at home and prints residuals.
@@ -243,13 +256,80 @@ fn the_readme_s_example_runs() {
     let (example, _) = rest.split_once("```").unwrap();
     let dir = outside_crate(
         "readme",
-        "[dependencies]\nregen-runtime = { path = \"RUNTIME\", features = [\"macros\"] }\n\
-         regen-control = { path = \"RUNTIME/control\" }\n",
+        "[dependencies]\nregen-robotics = { path = \"RUNTIME/robotics\", features = [\"control\"] }\n",
         "main.rs",
         example,
     );
     let out = cargo(&dir, &["run"]);
     assert_eq!(out.matches(',').count(), 2, "three leg forces: {out}");
+}
+
+/// What each feature of the facade adds: a type that a program without it cannot name.
+const FACADE: [(&str, &str); 6] = [
+    ("control", "control::closure!(rps3::Rps3, f32)"),
+    ("batch", "batch::TrackedStates"),
+    ("calibrate", "calibrate::Pose"),
+    ("identify", "identify::estimate::QrFactor"),
+    ("formats", "identify::data::Settings"),
+    ("experiment", "experiment::excite::ExciteError"),
+];
+
+#[test]
+fn the_facade_is_the_only_dependency_that_a_program_needs() {
+    let facade = |features: &str, uses: &str| {
+        let source = format!(
+            "regen_robotics::robot_model!(\"3rps.yaml\");\n\nfn main() {{\n    \
+             let info = regen_robotics::runtime::Model::<f64>::info(&rps3::Rps3);\n    \
+             println!(\"{{}} {{}}\", info.name, {uses});\n}}\n"
+        );
+        let manifest = format!(
+            "[dependencies]\nregen-robotics = {{ path = \"RUNTIME/robotics\", \
+             features = [{features}] }}\n"
+        );
+        outside_crate("facade", &manifest, "main.rs", &source)
+    };
+    let out = cargo(&facade("", "info.dof()"), &["run"]);
+    assert_eq!(out, "rps3 3\n");
+
+    // solvers take minutes to build
+    let chosen = if full() { &FACADE[..] } else { &FACADE[..2] };
+    for (feature, named) in chosen {
+        let uses = format!("core::mem::size_of::<regen_robotics::{named}>()");
+        cargo(&facade(&format!("{feature:?}"), &uses), &["check"]);
+        let errors = cargo_fails(&facade("", &uses), &["check"]);
+        assert!(
+            errors.contains("in `regen_robotics`"),
+            "{feature}: {errors}"
+        );
+    }
+}
+
+#[test]
+fn the_facade_works_without_the_standard_library_and_under_another_name() {
+    let dir = outside_crate(
+        "bare_facade",
+        "[dependencies]\nrobots = { package = \"regen-robotics\", path = \"RUNTIME/robotics\", \
+         default-features = false, features = [\"control\", \"macros\"] }\n",
+        "lib.rs",
+        "//! A controller.\n#![no_std]\n#![deny(missing_docs)]\n\n\
+         robots::robot_model!(\"3rps.yaml\");\n\n\
+         /// Its loops.\npub type Legs = robots::control::closure!(rps3::Rps3, f64);\n",
+    );
+    cargo(&dir, &["build"]);
+    let edges = [
+        "tree",
+        "--edges",
+        "no-proc-macro,normal",
+        "--prefix",
+        "none",
+    ];
+    let linked = cargo(&dir, &[&edges[..], &["--format", "{p}|{f}"]].concat());
+    let of_runtime = linked.lines().find(|l| l.starts_with("regen-runtime "));
+    assert!(
+        of_runtime.is_some_and(|l| l.ends_with("|macros")),
+        "{linked}"
+    );
+    assert!(!linked.contains("nalgebra"), "{linked}");
 }
 
 #[test]
