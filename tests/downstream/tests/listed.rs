@@ -145,6 +145,47 @@ fn every_crate_comes_from_the_registry_or_this_workspace() {
     );
 }
 
+/// The numbers of a version, such as `1.95` or `1.63.0`.
+fn release(version: &str) -> Vec<u32> {
+    let mut numbers: Vec<u32> = version.split('.').map(|n| n.parse().unwrap()).collect();
+    numbers.resize(3, 0);
+    numbers
+}
+
+/// `CONTRIBUTING.md` has the policy.
+#[test]
+fn every_crate_builds_with_the_oldest_supported_compiler_and_pages_name_it() {
+    let ours = |p: &&Value| p["source"].is_null();
+    let promised: BTreeSet<&str> = PACKAGES
+        .iter()
+        .filter(ours)
+        .map(|p| text(p, "rust_version"))
+        .collect();
+    let [oldest] = promised.iter().copied().collect::<Vec<_>>()[..] else {
+        panic!("{promised:?}");
+    };
+    let mut stated = 0;
+    for package in PACKAGES.iter() {
+        let Some(needed) = package["rust_version"].as_str() else {
+            continue;
+        };
+        stated += 1;
+        let name = text(package, "name");
+        assert!(
+            release(needed) <= release(oldest),
+            "{name} needs Rust {needed}, and packages here promise {oldest}"
+        );
+    }
+    assert!(stated > 100, "{stated}");
+    for (page, words) in [
+        ("README.md", format!("# {oldest} or later")),
+        ("codegen/python/README.md", format!("Rust {oldest}")),
+    ] {
+        let page_text = std::fs::read_to_string(root().join(page)).unwrap();
+        assert!(page_text.contains(&words), "{page}: {words}");
+    }
+}
+
 #[test]
 fn every_crate_in_several_versions_is_explained() {
     let mut versions: BTreeMap<&str, usize> = BTreeMap::new();
