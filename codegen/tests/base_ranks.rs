@@ -46,11 +46,13 @@ fn gravity_off_the_first_axis_shows_two_more_parameters() {
 
 /// Path, and the number of base parameters by the spec's tree, by the sum over trees, and
 /// certified.
-const LOOPS: [(&str, usize, usize, usize); 12] = [
+const LOOPS: [(&str, usize, usize, usize); 14] = [
     ("robots/fourbar.yaml", 9, 8, 8),
     ("tests/fixtures/pairs/slider_crank/pin.yaml", 7, 6, 6),
     ("tests/fixtures/oracle/fivebar.yaml", 12, 11, 11),
     ("tests/fixtures/mechanisms/rrr3.yaml", 21, 19, 19),
+    ("tests/fixtures/base/rpr3.yaml", 21, 19, 19),
+    ("tests/fixtures/base/prr3.yaml", 15, 13, 13),
     ("tests/fixtures/oracle/3rps.yaml", 27, 25, 25),
     ("tests/fixtures/mechanisms/hexapod.yaml", 87, 82, 82),
     ("tests/fixtures/pairs/rsur/universal.yaml", 15, 14, 14),
@@ -144,6 +146,34 @@ fn identical_legs_reduce_the_ranks_to_the_known_numbers() {
     assert_eq!(with("tests/fixtures/mechanisms/prs3.yaml", prs), 13 + 12);
     let ups = "[1, 3, 5, 7, 9, 11], [2, 4, 6, 8, 10, 12]";
     assert_eq!(with("tests/fixtures/mechanisms/hexapod.yaml", ups), 22);
+}
+
+/// `BASE.md` proves it; the guide has the table.
+#[test]
+fn one_tree_gives_the_published_numbers_of_planar_robots_and_all_trees_one_fewer() {
+    let equal = "\nbase: {equal: [[1, 4, 6], [2, 5, 7]]}\n";
+    let page = file("runtime/guide/pages/compare.md");
+    for (name, path, legs, published, certified) in [
+        ("four-bar", "robots/fourbar.yaml", "", 9, 8),
+        ("3-RRR", "tests/fixtures/mechanisms/rrr3.yaml", equal, 10, 9),
+        ("3-RPR", "tests/fixtures/base/rpr3.yaml", equal, 10, 9),
+        ("3-PRR", "tests/fixtures/base/prr3.yaml", equal, 8, 7),
+    ] {
+        let text = file(path) + legs;
+        let (_, one) = base_with(&text, Some(0));
+        assert_eq!((one.trees, one.rank()), (1, published), "{name}");
+        let robot = derive(&Source::new(path, text)).unwrap_or_else(|e| panic!("{e}"));
+        let analysis = robot.analysis.unwrap();
+        assert!(analysis.complete, "{name}");
+        assert_eq!(analysis.base.rank(), certified, "{name}");
+        let row = page.lines().find(|l| l.starts_with(&format!("| {name} |")));
+        let cells: Vec<&str> = row.unwrap().split('|').map(str::trim).collect();
+        assert!(
+            cells[2].starts_with(&format!("{published} ")),
+            "{name}: {cells:?}"
+        );
+        assert_eq!(cells[3], certified.to_string(), "{name}");
+    }
 }
 
 #[test]

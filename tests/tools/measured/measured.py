@@ -129,7 +129,9 @@ class Cases:
             spec = self.scratch / "best.yaml"
             spec.write_text(text.replace(*friction) if friction else text)
             words = [file, "--logs", folder]
-            identify(spec, *words, *more, "--no-suspicion", "--out", out)
+            # nonlinear models are not searched for suspicions
+            quiet = [] if friction else ["--no-suspicion"]
+            identify(spec, *words, *more, *quiet, "--out", out)
             found = json.loads(regen("validate", spec, out, *words, "--format", "json")[0])
             log = found["models"][0]["logs"][0]
             each = ", ".join(f"{effort['relative_rms']:.2f}" for effort in log["efforts"])
@@ -209,6 +211,38 @@ class Cases:
             gap = fit["models"][-1]["gap"]
             self.figure(f"{name}: gap", f"{gap:.1e}", "<= 1e-4", gap <= 1e-4)
             self.figure(f"{name}: values outside", outside(fit), 0, outside(fit) == 0)
+
+    def dvrk_joints(self):
+        """Each joint of run two, every sample judged, beside the better one of the published fits."""
+        for name, spec, file, published in (
+            ("PSM", "psm", "dvrk_psm", (9.29, 17.83, 19.07, 13.44, 23.94, 21.11, 26.42)),
+            ("MTM", "mtm_cable", "dvrk_mtm", (7.69, 14.85, 16.95, 20.90, 26.31, 23.42, 33.95)),
+        ):
+            measured = ROOT / "robots/measured"
+            spec, out = measured / f"{spec}.yaml", self.scratch / f"{file}.json"
+            words = [measured / f"{file}.yaml", "--logs", self.folder / "dvrk"]
+            identify(spec, *words, "--feasible", "--no-suspicion", "--out", out)
+            judged = [*words, "--standstill", "keep", "--format", "json"]
+            found = json.loads(regen("validate", spec, out, *judged)[0])
+            efforts = found["models"][0]["logs"][0]["efforts"]
+            ours = [effort["relative_rms"] for effort in efforts]
+            near = sum(own <= 1.05 * theirs for own, theirs in zip(ours, published))
+            shown = f"{near} joints at most 5 % above ({', '.join(f'{own:.2f}' for own in ours)})"
+            self.figure(f"{name}, rms on run two beside the published", shown, ">= 5 of 7", near >= 5)
+
+    # EMPS --------------------------------------------------------------------------------------
+
+    def emps(self):
+        """The published benchmark of one axis, by its columns alone."""
+        folder = self.folder / "emps"
+        columns = ["--column", "q=qm", "--column", "tau_q=vir:N*35.15065"]
+        fit = identify(folder / "emps.yaml", folder / "DATA_EMPS.csv", *columns)
+        published = {"m(car)": 95.1089, "Fv(q)": 203.5034, "Fc(q)": 20.3935, "Fo(q)": -3.1648}
+        for row in fit["parameters"]:
+            aim = published[row["label"]]
+            off = abs(row["value"] - aim) / row["sigma"]
+            shown = f"{row['value']:.4g} (sigma {row['sigma']:.2g})"
+            self.figure(f"EMPS, {row['label']}", shown, f"{aim} within 2 sigma", off <= 2)
 
     # experiment files --------------------------------------------------------------------------
 
@@ -457,6 +491,8 @@ def main():
         "ur10e_intervals",
         "med7",
         "dvrk",
+        "dvrk_joints",
+        "emps",
         "experiments",
         "suspicion_planted",
         "suspicion_false",
