@@ -137,6 +137,13 @@ fn the_commands_of_the_table_trust_and_controller_pages_run() {
 }
 
 #[test]
+fn the_pages_to_begin_with_run() {
+    assert_eq!(run_page("start_control").len(), 3);
+    assert_eq!(run_page("start_identify").len(), 2);
+    assert_eq!(run_page("start_research").len(), 4);
+}
+
+#[test]
 fn the_commands_of_the_c_optimise_and_equations_pages_run() {
     assert_eq!(run_page("c").len(), 1);
     assert_eq!(run_page("optimise").len(), 1);

@@ -1,85 +1,43 @@
-#![doc = include_str!("../pages/index.md")]
+#![doc = include_str!(concat!(env!("OUT_DIR"), "/index.md"))]
 
-#[doc = include_str!("../pages/model.md")]
-pub mod model {}
+/// Modules of pages, as `build.rs` wrote them for rustdoc.
+macro_rules! pages {
+    ($($name:ident = $file:literal),* $(,)?) => {$(
+        #[doc = include_str!(concat!(env!("OUT_DIR"), "/", $file))]
+        pub mod $name {}
+    )*};
+}
 
-#[doc = include_str!("../pages/recipes.md")]
-pub mod recipes {}
-
-#[doc = include_str!("../pages/table.md")]
-pub mod table {}
-
-#[doc = include_str!("../pages/controller.md")]
-pub mod controller {}
-
-#[doc = include_str!("../pages/c.md")]
-pub mod c {}
-
-#[doc = include_str!("../pages/ros2.md")]
-pub mod ros2 {}
-
-#[doc = include_str!("../pages/simulink.md")]
-pub mod simulink {}
-
-#[doc = include_str!("../pages/plc.md")]
-pub mod plc {}
-
-#[doc = include_str!("../pages/optimise.md")]
-pub mod optimise {}
-
-#[doc = include_str!("../pages/equations.md")]
-pub mod equations {}
-
-#[doc = include_str!("../pages/serve.md")]
-pub mod serve {}
-
-#[doc = include_str!("../pages/experiment.md")]
-#[doc = include_str!("../pages/figures/position-turns.svg")]
-pub mod experiment {}
-
-#[doc = include_str!("../pages/identify.md")]
-#[doc = include_str!("../pages/figures/deviations.svg")]
-pub mod identify {}
-
-#[doc = include_str!("../pages/logs.md")]
-pub mod logs {}
-
-#[doc = include_str!("../pages/inspect.md")]
-pub mod inspect {}
-
-#[doc = include_str!("../pages/loads.md")]
-pub mod loads {}
-
-#[doc = include_str!("../pages/response.md")]
-pub mod response {}
-
-#[doc = include_str!("../pages/rehearse.md")]
-pub mod rehearse {}
-
-#[doc = include_str!("../pages/calibrate.md")]
-pub mod calibrate {}
-
-#[doc = include_str!("../pages/estimators.md")]
-pub mod estimators {}
-#[doc = include_str!("../pages/python.md")]
-pub mod python {}
-
-#[doc = include_str!("../pages/trust.md")]
-#[doc = include_str!("../pages/figures/singular-values.svg")]
-pub mod trust {}
-
-#[doc = include_str!("../pages/evidence.md")]
-#[doc = include_str!("../pages/evidence-table.md")]
-pub mod evidence {}
-
-#[doc = include_str!("../pages/numbers.md")]
-pub mod numbers {}
-
-#[doc = include_str!("../pages/commands.md")]
-pub mod commands {}
-
-#[doc = include_str!("../pages/reference.md")]
-pub mod reference {}
-
-#[doc = include_str!("../pages/compare.md")]
-pub mod compare {}
+pages! {
+    start_control = "start_control.md",
+    start_identify = "start_identify.md",
+    start_research = "start_research.md",
+    model = "model.md",
+    recipes = "recipes.md",
+    table = "table.md",
+    controller = "controller.md",
+    c = "c.md",
+    ros2 = "ros2.md",
+    simulink = "simulink.md",
+    plc = "plc.md",
+    optimise = "optimise.md",
+    equations = "equations.md",
+    serve = "serve.md",
+    experiment = "experiment.md",
+    identify = "identify.md",
+    logs = "logs.md",
+    inspect = "inspect.md",
+    loads = "loads.md",
+    response = "response.md",
+    rehearse = "rehearse.md",
+    calibrate = "calibrate.md",
+    estimators = "estimators.md",
+    python = "python.md",
+    trust = "trust.md",
+    evidence = "evidence.md",
+    evidence_table = "evidence-table.md",
+    numbers = "numbers.md",
+    commands = "commands.md",
+    reference = "reference.md",
+    compare = "compare.md",
+}

@@ -1,0 +1,121 @@
+//! The guide reads the same in the repository, as documentation and as a site: its links, places and
+//! figures are there, and nothing is hidden in its examples.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("pages")
+}
+
+/// The pages by name, without the list of them.
+fn pages() -> BTreeMap<String, String> {
+    let mut pages = BTreeMap::new();
+    for entry in fs::read_dir(folder()).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        if path.extension().is_some_and(|end| end == "md") && name != "SUMMARY.md" {
+            pages.insert(name, fs::read_to_string(path).unwrap());
+        }
+    }
+    assert!(pages.len() > 30, "{}", pages.len());
+    pages
+}
+
+/// The lines of a page outside its blocks, and those of its examples in Rust.
+fn parts(page: &str) -> (Vec<&str>, Vec<&str>) {
+    let (mut text, mut rust) = (Vec::new(), Vec::new());
+    let mut block: Option<&str> = None;
+    for line in page.lines() {
+        match (line.strip_prefix("```"), block) {
+            (Some(word), None) => block = Some(word),
+            (Some(_), Some(_)) => block = None,
+            (None, None) => text.push(line),
+            (None, Some(word)) if word.starts_with("rust") => rust.push(line),
+            (None, Some(_)) => {}
+        }
+    }
+    assert_eq!(block, None, "a block is not closed");
+    (text, rust)
+}
+
+/// The targets of links and figures.
+fn targets(line: &str) -> impl Iterator<Item = &str> {
+    let rest = line.split("](").skip(1);
+    rest.map(|part| part.split_once(')').unwrap().0)
+}
+
+/// The place of a heading, as repositories and sites name it.
+fn place(heading: &str) -> String {
+    let kept = heading.trim().to_lowercase();
+    let kept = kept
+        .chars()
+        .filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+    kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+#[test]
+fn every_link_and_figure_is_there() {
+    let pages = pages();
+    let mut places = BTreeMap::new();
+    for (name, page) in &pages {
+        let (text, _) = parts(page);
+        let heads = text.iter().filter_map(|line| line.strip_prefix('#'));
+        let own: BTreeSet<String> = heads.map(|h| place(h.trim_start_matches('#'))).collect();
+        places.insert(name.as_str(), own);
+    }
+    let mut figures = BTreeSet::new();
+    let mut links = 0;
+    for (name, page) in &pages {
+        for line in parts(page).0 {
+            for target in targets(line).filter(|t| !t.starts_with("https://")) {
+                links += 1;
+                let (page, place) = target.split_once('#').unwrap_or((target, ""));
+                if let Some(figure) = page.strip_prefix("figures/") {
+                    assert!(folder().join(page).is_file(), "{name}: {target}");
+                    assert!(line.starts_with("!["), "{name}: {line}");
+                    figures.insert(figure.to_owned());
+                    continue;
+                }
+                let page = if page.is_empty() { name } else { page };
+                let there = places.get(page);
+                let there = there.unwrap_or_else(|| panic!("{name}: no page {target}"));
+                assert!(
+                    place.is_empty() || there.contains(place),
+                    "{name}: {target}"
+                );
+            }
+        }
+    }
+    assert!(links > 60, "{links}");
+    let drawn = fs::read_dir(folder().join("figures")).unwrap();
+    let drawn = drawn.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    assert_eq!(figures, drawn.collect());
+}
+
+#[test]
+fn examples_hide_nothing() {
+    for (name, page) in pages() {
+        for line in parts(&page).1 {
+            let hidden = line.trim_start();
+            assert!(hidden != "#" && !hidden.starts_with("# "), "{name}: {line}");
+        }
+        assert!(!page.contains("crate::"), "{name}: a path of rustdoc");
+    }
+}
+
+#[test]
+fn the_list_of_pages_and_the_modules_have_every_page() {
+    let list = fs::read_to_string(folder().join("SUMMARY.md")).unwrap();
+    let listed: Vec<&str> = list.lines().flat_map(targets).collect();
+    let all: BTreeSet<&str> = listed.iter().copied().collect();
+    assert_eq!(all.len(), listed.len(), "a page is listed twice");
+    let pages = pages();
+    assert_eq!(all, pages.keys().map(String::as_str).collect());
+    let modules = fs::read_to_string(folder().join("../src/lib.rs")).unwrap();
+    for name in pages.keys().filter(|name| *name != "index.md") {
+        assert!(modules.contains(&format!("= \"{name}\",")), "{name}");
+    }
+}
