@@ -384,7 +384,7 @@ impl Mechanism {
         let mut robot = if let Some(robot) = self.stored_robot(&key) {
             robot
         } else {
-            let robot = self.derive_robot(&self.with_arguments()?, &kinds)?;
+            let robot = self.derive_robot(&self.with_arguments(&self.spec)?, &kinds)?;
             if let Some(store) = &self.store {
                 store.put(&key, &|| store::robot_to_bytes(&robot));
             }
@@ -397,15 +397,39 @@ impl Mechanism {
         Ok(robot)
     }
 
+    /// The robot of equations that people read: as [`Mechanism::robot`], but each function also takes the names of
+    /// the geometry as arguments, as far as they can be ([`Robot::adjustable`]), so that expressions contain them.
+    /// Which base parameters are kept is decided at their values.
+    ///
+    /// # Errors
+    /// As [`Mechanism::robot`].
+    pub fn robot_in_names(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
+        let angles = base::angle_names(&self.spec, &self.model);
+        let names = spec::possible_arguments(&self.spec, |name| angles.contains(name));
+        if names.is_empty() {
+            return self.robot(kinds);
+        }
+        let spec = Spec {
+            adjustable: names,
+            ..self.spec.clone()
+        };
+        let mut robot = self.derive_robot(&self.with_arguments(&spec)?, kinds)?;
+        let adjustable = spec.adjusted();
+        robot.adjustable = adjustable
+            .map(|(name, value)| (name.to_owned(), value))
+            .collect();
+        Ok(robot)
+    }
+
     /// The closed mechanism with adjustable names as arguments. Their values decide where the loops close
     /// and in which order they are solved; expressions of the names follow.
-    fn with_arguments(&self) -> Result<ClosedMechanism, Report> {
-        let (names, values): (Vec<&str>, Vec<f64>) = self.spec.adjusted().unzip();
+    fn with_arguments(&self, spec: &Spec) -> Result<ClosedMechanism, Report> {
+        let (names, values): (Vec<&str>, Vec<f64>) = spec.adjusted().unzip();
         let mut g = Graph::new();
         Symbols::of_coordinates(&mut g, &self.model);
         // no coordinate's or parameter's name has a blank
         let symbol = |name: &str| format!("geometry {name}");
-        let arguments = Arguments::new(&mut g, &self.spec, &names, symbol);
+        let arguments = Arguments::new(&mut g, spec, &names, symbol);
         let symbols = Symbols::new(&mut g, &self.model);
         let symbols = symbols.with_geometry(arguments.symbols.clone());
         let frames = Frames::new(&mut g, &self.model, Geometry::Arguments(arguments));

@@ -1,6 +1,5 @@
 //! `regen equations`: equations with named terms.
 
-use regen_codegen::{base, model, spec};
 use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 
 use crate::args::{EquationsArgs, OfArg, ParametersArg, StyleArg};
@@ -10,14 +9,6 @@ use crate::{load, terminal};
 /// Runs the command.
 pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
-    let parsed = spec::parse(&source).map_err(|report| Failure::Spec(vec![report]))?;
-    let geometry = parsed.geometry.iter();
-    let lengths: Vec<(String, f64)> = geometry
-        .map(|(name, value)| (name.value.clone(), value.value.to_f64()))
-        .collect();
-    let angles: Vec<String> = base::angle_names(&parsed, &model::build(&parsed))
-        .into_iter()
-        .collect();
     let mechanism = load::mechanism(&source)?;
     let has_loops = !mechanism.robot(&[])?.dependent.is_empty();
     let default = if has_loops {
@@ -50,8 +41,8 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
     if parameters == Parameters::Base {
         load::analysis(&mechanism, &source)?;
     }
-    let robot = mechanism.robot(&kinds(of, parameters))?;
-    let text = equations(&robot, &lengths, &angles, of, parameters, style)
+    let robot = mechanism.robot_in_names(&kinds(of, parameters))?;
+    let text = equations(&robot, of, parameters, style)
         .map_err(|missing| Failure::Input(format!("{}: {missing}", args.file.display())))?;
     terminal::print(&text)
 }

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 /// Words that cannot be names in the written scripts: Python's keywords, the functions and constants
 /// of SymPy, and the scripts' own variables.
-const RESERVED: [&str; 62] = [
+const RESERVED: [&str; 63] = [
     "False",
     "None",
     "True",
@@ -48,6 +48,7 @@ const RESERVED: [&str; 62] = [
     "Matrix",
     "Symbol",
     "Float",
+    "Rational",
     "Piecewise",
     "result",
     "terms",

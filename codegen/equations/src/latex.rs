@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::constants::Form;
+use crate::constants::{Form, Irrational};
 use crate::names::Name;
 use crate::page::{Entry, Page};
 use crate::plain::{Level, Spelling, Writer, digits};
@@ -35,45 +35,25 @@ impl Spelling for Latex<'_> {
         term(name)
     }
 
-    fn form(&self, form: &Form<'_>) -> (String, Level) {
-        let [above, root, below] = form.factor;
-        let (mut over, mut under) = (Vec::new(), Vec::new());
-        if above > 1 {
-            over.push(above.to_string());
+    fn form(&self, form: &Form) -> (String, Level) {
+        let root = match form.irrational {
+            Irrational::None => None,
+            Irrational::Root(number) => Some(format!("\\sqrt{{{number}}}")),
+            Irrational::Pi => Some("\\pi".to_owned()),
+        };
+        let has_number = root.is_none() || form.above.to_bits() != 1.0_f64.to_bits();
+        let number = has_number.then(|| self.number(form.above));
+        let parts: Vec<String> = number.into_iter().chain(root).collect();
+        let above = parts.join("\\,");
+        if form.below > 1 {
+            return (format!("\\tfrac{{{above}}}{{{}}}", form.below), Level::Atom);
         }
-        over.extend(form.decimal.map(|decimal| self.number(decimal)));
-        if root > 1 {
-            over.push(format!("\\sqrt{{{root}}}"));
-        }
-        if below > 1 {
-            under.push(below.to_string());
-        }
-        if let Some(name) = form.name {
-            let side = if form.inverse { &mut under } else { &mut over };
-            side.push(symbol(name, ""));
-        }
-        for sine in form.sines {
-            let power = match sine.power {
-                1 => String::new(),
-                power => format!("^{{{power}}}"),
-            };
-            let angle = symbol(&sine.angle, "");
-            over.push(format!("\\{}{power}\\left({angle}\\right)", sine.function));
-        }
-        let level = if over.len() > 1 && under.is_empty() {
+        let level = if parts.len() > 1 {
             Level::Product
         } else {
             Level::Atom
         };
-        if over.is_empty() {
-            over.push("1".to_owned());
-        }
-        let (over, under) = (over.join("\\,"), under.join("\\,"));
-        if under.is_empty() {
-            (over, level)
-        } else {
-            (format!("\\tfrac{{{over}}}{{{under}}}"), level)
-        }
+        (above, level)
     }
 
     fn call(&self, function: &str, operand: &str) -> String {
@@ -167,7 +147,6 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
         graph: &page.graph,
         names: &page.names,
-        known: &page.known,
         spelling: Latex(page),
     };
     let mut out = format!("% {}: {}\n", page.robot.name, page.heading);

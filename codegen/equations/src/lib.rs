@@ -19,8 +19,8 @@
 //!       - {name: q1, type: revolute, body: link, actuated: true}
 //! ";
 //! let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
-//! let robot = mechanism.robot(&kinds(EquationSet::Dynamics, Parameters::Base))?;
-//! let text = equations(&robot, &[], &[], EquationSet::Dynamics, Parameters::Base, Style::Text).unwrap();
+//! let robot = mechanism.robot_in_names(&kinds(EquationSet::Dynamics, Parameters::Base))?;
+//! let text = equations(&robot, EquationSet::Dynamics, Parameters::Base, Style::Text).unwrap();
 //! assert!(text.contains("c_1 = cos(q1)"), "{text}");
 //! assert!(text.contains("tau_1 = "), "{text}");
 //! # Ok::<(), regen_codegen::diag::Report>(())

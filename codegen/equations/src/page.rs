@@ -6,12 +6,11 @@ use std::fmt;
 
 use regen_codegen::base::latex::parameter;
 use regen_codegen::robot::{FunctionKind, Robot};
+use regen_codegen::signature::GEOMETRY;
 
-use crate::constants::{Known, form};
 use crate::graph::{Graph, Id, Node};
 use crate::latex::{self, symbol};
 use crate::names::Names;
-use crate::plain::digits;
 use crate::{load, sympy, text};
 
 /// The equations or the matrix that is written.
@@ -87,24 +86,19 @@ pub fn kinds(of: EquationSet, parameters: Parameters) -> [FunctionKind; 1] {
     [kind(of, parameters)]
 }
 
-/// Writes equations of a robot.
-///
-/// - `lengths`: the names of `geometry` with their values; a number that can come from one of them
-///   only is written with this name;
-/// - `angles`: those of the names that are angles, of which numbers may contain the sines.
+/// Writes equations of a robot, with the names of the geometry that its functions take as arguments
+/// ([`Mechanism::robot_in_names`](regen_codegen::Mechanism::robot_in_names)).
 ///
 /// # Errors
 /// When the robot does not have the function, see [`kinds`]; a robot without dependent coordinates
 /// has no X.
 pub fn equations(
     robot: &Robot,
-    lengths: &[(String, f64)],
-    angles: &[String],
     of: EquationSet,
     parameters: Parameters,
     style: Style,
 ) -> Result<String, MissingFunction> {
-    let page = Page::new(robot, lengths, angles, of, parameters)?;
+    let page = Page::new(robot, of, parameters)?;
     Ok(match style {
         Style::Text => text::write(&page),
         Style::Latex => latex::write(&page),
@@ -128,8 +122,6 @@ pub(crate) struct Entry {
 /// A function as expressions.
 pub(crate) struct Page<'p> {
     pub(crate) robot: &'p Robot,
-    pub(crate) lengths: &'p [(String, f64)],
-    pub(crate) known: Known,
     pub(crate) graph: Graph,
     pub(crate) names: Names,
     pub(crate) heading: String,
@@ -139,6 +131,8 @@ pub(crate) struct Page<'p> {
     /// The names of arguments, and of their elements.
     pub(crate) arguments: Vec<String>,
     pub(crate) inputs: Vec<Vec<Input>>,
+    /// The place of the argument with the names of the geometry.
+    pub(crate) geometry: Option<usize>,
     /// The entries, row by row.
     values: Vec<Id>,
     of: EquationSet,
@@ -148,8 +142,6 @@ pub(crate) struct Page<'p> {
 impl<'p> Page<'p> {
     fn new(
         robot: &'p Robot,
-        lengths: &'p [(String, f64)],
-        angles: &[String],
         of: EquationSet,
         parameters: Parameters,
     ) -> Result<Self, MissingFunction> {
@@ -204,20 +196,17 @@ impl<'p> Page<'p> {
             _ => None,
         };
         let names = Names::new(&graph, &values, &is_coordinate);
-        let count = if of == EquationSet::X {
-            1
-        } else {
-            program.arguments.len()
-        };
-        let arguments = program.arguments.iter().take(count);
+        let arguments = program.arguments.iter();
         let inputs = arguments
             .clone()
             .map(|argument| inputs(robot, &argument.name, argument.len))
             .collect();
+        let geometry = arguments
+            .clone()
+            .position(|argument| argument.name == GEOMETRY.name);
         Ok(Self {
             robot,
-            lengths,
-            known: Known::new(lengths, angles),
+            geometry,
             names,
             heading: heading(of, parameters).to_owned(),
             letter: match of {
@@ -261,36 +250,25 @@ impl<'p> Page<'p> {
         self.entries().count() < self.values.len()
     }
 
-    /// The lengths that occur.
+    /// Whether the elements of an argument are not symbols: X is written for unit velocities.
+    pub(crate) fn is_given(&self, argument: usize) -> bool {
+        self.of == EquationSet::X && argument == 1
+    }
+
+    /// The names of the geometry that occur, with their values.
     pub(crate) fn used_lengths(&self) -> impl Iterator<Item = (&str, f64)> {
-        let mut used = std::collections::BTreeSet::new();
-        for id in 0..self.graph.len() {
-            let Node::Number(bits) = self.graph.node(id) else {
-                continue;
-            };
-            if let Some(form) = form(f64::from_bits(bits), &self.known) {
-                used.extend(form.name);
-                used.extend(form.sines.iter().map(|sine| sine.angle.as_str()));
-            }
-        }
-        let all = self.lengths.iter();
-        all.filter(move |(name, _)| used.contains(name.as_str()))
-            .map(|(name, value)| (name.as_str(), *value))
+        let all = self.robot.adjustable.iter().enumerate();
+        all.filter(move |(element, _)| {
+            let element = *element;
+            self.geometry.is_some_and(|argument| {
+                self.graph.find(Node::Input { argument, element }).is_some()
+            })
+        })
+        .map(|(_, (name, value))| (name.as_str(), *value))
     }
 
     /// What rows and columns are.
     pub(crate) fn captions(&self) -> Vec<String> {
-        let mut captions = self.rows_and_columns();
-        if !self.known.angles.is_empty() {
-            let angles = self.known.angles.iter();
-            let angles = angles.map(|(name, value)| format!("{name} = {}", digits(*value)));
-            let angles: Vec<String> = angles.collect();
-            captions.push(format!("numbers are those at {}", angles.join(", ")));
-        }
-        captions
-    }
-
-    fn rows_and_columns(&self) -> Vec<String> {
         let robot = self.robot;
         let of = |which: &[usize]| -> String {
             let names = which.iter().map(|k| robot.coordinates[*k].as_str());
@@ -385,6 +363,16 @@ fn inputs(robot: &Robot, argument: &str, count: usize) -> Vec<Input> {
                 .map_or_else(String::new, |p| p.label.clone()),
             latex: robot.parameters.get(k).map_or_else(String::new, parameter),
         },
+        name if name == GEOMETRY.name => {
+            let name = robot
+                .adjustable
+                .get(k)
+                .map_or("", |(name, _)| name.as_str());
+            Input {
+                text: name.to_owned(),
+                latex: symbol(name, ""),
+            }
+        }
         other => Input {
             text: format!("{other}_{}", k + 1),
             latex: format!("\\{other}_{{{}}}", k + 1),

@@ -1,6 +1,6 @@
 //! Writes expressions on one line, as in programming languages.
 
-use crate::constants::{Form, Known, form};
+use crate::constants::{Form, form};
 use crate::graph::{Graph, Id, Node};
 use crate::names::{Name, Names};
 
@@ -21,8 +21,8 @@ pub(crate) trait Spelling {
     fn input(&self, argument: usize, element: usize) -> String;
     /// A named term.
     fn name(&self, name: &Name) -> String;
-    /// A number that is expressed by a root or a named length.
-    fn form(&self, form: &Form<'_>) -> (String, Level);
+    /// A number that is expressed by a fraction or a root.
+    fn form(&self, form: &Form) -> (String, Level);
     /// A function: `sin`, `cos`, `sqrt`, `sign`, `positive` or `negative`.
     fn call(&self, function: &str, operand: &str) -> String;
     /// A product.
@@ -39,7 +39,6 @@ pub(crate) trait Spelling {
 pub(crate) struct Writer<'w, S> {
     pub(crate) graph: &'w Graph,
     pub(crate) names: &'w Names,
-    pub(crate) known: &'w Known,
     pub(crate) spelling: S,
 }
 
@@ -75,7 +74,7 @@ impl<S: Spelling> Writer<'_, S> {
         match self.graph.node(id) {
             Node::Number(bits) => {
                 let value = f64::from_bits(bits);
-                match form(value, self.known) {
+                match form(value) {
                     Some(form) => spelling.form(&form),
                     None => (spelling.number(value), Level::Atom),
                 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use crate::constants::{Form, Sine};
+use crate::constants::{Form, Irrational};
 use crate::identifiers::Identifiers;
 use crate::names::Name;
 use crate::page::Page;
@@ -13,7 +13,6 @@ use crate::text::{infix_form, infix_quotient};
 /// Python with the identifiers of inputs, lengths and terms.
 struct Python {
     inputs: Vec<Vec<String>>,
-    lengths: HashMap<String, String>,
     names: HashMap<Name, String>,
 }
 
@@ -25,10 +24,6 @@ impl Python {
             each.map(|input| given.give(&input.text)).collect()
         });
         let inputs = inputs.collect();
-        let lengths = page.lengths.iter();
-        let lengths = lengths
-            .map(|(name, _)| (name.clone(), given.give(name)))
-            .collect();
         let all = page.names.all();
         let names = all
             .map(|(_, name)| {
@@ -36,11 +31,7 @@ impl Python {
                 (name.clone(), given.give(&wanted))
             })
             .collect();
-        Self {
-            inputs,
-            lengths,
-            names,
-        }
+        Self { inputs, names }
     }
 }
 
@@ -57,22 +48,16 @@ impl Spelling for &Python {
         self.names.get(name).cloned().unwrap_or_default()
     }
 
-    fn form(&self, form: &Form<'_>) -> (String, Level) {
-        let known = |name: &str| self.lengths.get(name).map(String::as_str);
-        let sines: Vec<Sine> = form
-            .sines
-            .iter()
-            .map(|sine| Sine {
-                angle: known(&sine.angle).unwrap_or(&sine.angle).to_owned(),
-                ..sine.clone()
-            })
-            .collect();
-        let form = Form {
-            name: form.name.map(|name| known(name).unwrap_or(name)),
-            sines: &sines,
-            ..form.clone()
-        };
-        infix_form(&form, "**")
+    fn form(&self, form: &Form) -> (String, Level) {
+        let (text, level) = infix_form(form);
+        // SymPy's division of two integers would be Python's
+        match (form.irrational, form.below) {
+            (Irrational::None, 2..) => (
+                format!("Rational({}, {})", digits(form.above), form.below),
+                Level::Atom,
+            ),
+            _ => (text, level),
+        }
     }
 
     fn call(&self, function: &str, operand: &str) -> String {
@@ -123,7 +108,6 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
         graph: &page.graph,
         names: &page.names,
-        known: &page.known,
         spelling: &python,
     };
     let for_docstring = |text: &str| text.replace('\\', "/").replace("\"\"\"", "'''");
@@ -138,27 +122,33 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     out.push_str(
         "\n`terms` lists intermediate terms in the order in which they are computed, `result` is the\n\
          matrix in them, and `evaluate` its value.\"\"\"\n\
-         from sympy import Float, Heaviside, Matrix, Symbol, cos, sign, sin, sqrt\n\n",
+         from sympy import Float, Heaviside, Matrix, Rational, Symbol, cos, pi, sign, sin, sqrt\n\n",
     );
     let symbol = |out: &mut String, identifier: &str, name: &str| {
         let name = name.replace(['\\', '\''], " ");
         let _ = writeln!(out, "{identifier} = Symbol('{name}', real=True)");
     };
-    for (argument, identifiers) in page.inputs.iter().zip(&python.inputs) {
+    let given = |k: &usize| !page.is_given(*k);
+    let all = page.inputs.iter().zip(&python.inputs).enumerate();
+    for (_, (argument, identifiers)) in all.filter(|(k, _)| given(k)) {
         for (input, identifier) in argument.iter().zip(identifiers) {
             symbol(&mut out, identifier, &input.text);
         }
     }
-    for (argument, identifiers) in page.arguments.iter().zip(&python.inputs) {
+    let all = page.arguments.iter().zip(&python.inputs).enumerate();
+    for (_, (argument, identifiers)) in all.filter(|(k, _)| given(k)) {
         // an argument that has the name of one of its elements is a list with an underscore
         let _ = writeln!(out, "{argument}_ = [{}]", identifiers.join(", "));
     }
-    let mut lengths = Vec::new();
-    for (name, value) in page.used_lengths() {
-        let identifier = python.lengths.get(name).map_or(name, String::as_str);
-        symbol(&mut out, identifier, name);
-        lengths.push(format!("{identifier}: {}", digits(value)));
-    }
+    let identifiers = page
+        .geometry
+        .and_then(|k| python.inputs.get(k))
+        .into_iter()
+        .flatten();
+    let lengths = identifiers.zip(&page.robot.adjustable);
+    let lengths: Vec<String> = lengths
+        .map(|(identifier, (_, value))| format!("{identifier}: {}", digits(*value)))
+        .collect();
     let _ = writeln!(out, "lengths = {{{}}}\n\nterms = []", lengths.join(", "));
     for (id, name) in page.names.all() {
         let identifier = writer.spelling.name(name);

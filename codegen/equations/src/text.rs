@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::constants::Form;
+use crate::constants::{Form, Irrational};
 use crate::names::Name;
 use crate::page::Page;
 use crate::plain::{Level, Spelling, Writer, digits};
@@ -23,8 +23,8 @@ impl Spelling for Plain<'_> {
         term(name)
     }
 
-    fn form(&self, form: &Form<'_>) -> (String, Level) {
-        infix_form(form, "^")
+    fn form(&self, form: &Form) -> (String, Level) {
+        infix_form(form)
     }
 
     fn call(&self, function: &str, operand: &str) -> String {
@@ -48,53 +48,26 @@ impl Spelling for Plain<'_> {
     }
 }
 
-/// A form in infix notation, such as `sqrt(3)*a/2` or `2*sqrt(3)/(3*a)`, with its precedence.
-///
-/// - `power`: the operator of powers.
-pub(crate) fn infix_form(form: &Form<'_>, power: &str) -> (String, Level) {
-    let [above, root, below] = form.factor;
-    let (mut over, mut under) = (Vec::new(), Vec::new());
-    if above > 1 {
-        over.push(above.to_string());
-    }
-    over.extend(form.decimal.map(digits));
-    if root > 1 {
-        over.push(format!("sqrt({root})"));
-    }
-    if below > 1 {
-        under.push(below.to_string());
-    }
-    if let Some(name) = form.name {
-        let side = if form.inverse { &mut under } else { &mut over };
-        side.push(name.to_owned());
-    }
-    for sine in form.sines {
-        let mut text = format!("{}({})", sine.function, sine.angle);
-        if sine.power > 1 {
-            let _ = write!(text, "{power}{}", sine.power);
-        }
-        over.push(text);
-    }
-    let level = match (over.len(), under.len()) {
-        (1, 0) if form.sines.iter().all(|sine| sine.power == 1) => Level::Atom,
-        (1, 0) => Level::Power,
-        _ => Level::Product,
+/// A form in infix notation, such as `sqrt(6)/4` or `9.81*sqrt(2)/2`, with its precedence.
+pub(crate) fn infix_form(form: &Form) -> (String, Level) {
+    let root = match form.irrational {
+        Irrational::None => None,
+        Irrational::Root(number) => Some(format!("sqrt({number})")),
+        Irrational::Pi => Some("pi".to_owned()),
     };
-    let mut text = if over.is_empty() {
-        "1".to_owned()
+    let has_number = root.is_none() || form.above.to_bits() != 1.0_f64.to_bits();
+    let number = has_number.then(|| digits(form.above));
+    let parts: Vec<String> = number.into_iter().chain(root).collect();
+    let above = parts.join("*");
+    if form.below > 1 {
+        return (format!("{above}/{}", form.below), Level::Product);
+    }
+    let level = if parts.len() > 1 {
+        Level::Product
     } else {
-        over.join("*")
+        Level::Atom
     };
-    match &under[..] {
-        [] => {}
-        [one] => {
-            let _ = write!(text, "/{one}");
-        }
-        _ => {
-            let _ = write!(text, "/({})", under.join("*"));
-        }
-    }
-    (text, level)
+    (above, level)
 }
 
 /// The quotient `a/b`. A sum is put in parentheses, and so is a product in the denominator.
@@ -124,7 +97,6 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
         graph: &page.graph,
         names: &page.names,
-        known: &page.known,
         spelling: Plain(page),
     };
     let mut out = format!("{}: {}\n", page.robot.name, page.heading);

@@ -12,15 +12,12 @@ use regen_codegen::robot::{FunctionKind, Robot};
 use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 
 /// A robot of the repository with one function.
-fn robot(file: &str, kind: FunctionKind) -> (Robot, Vec<(String, f64)>) {
+fn robot(file: &str, kind: FunctionKind) -> Robot {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
     let text = std::fs::read_to_string(path.join(file)).unwrap();
     let source = Source::new(file, &text);
     let mechanism = Mechanism::open(&source).unwrap();
-    let spec = regen_codegen::spec::parse(&source).unwrap();
-    let lengths = spec.geometry.iter();
-    let lengths = lengths.map(|(name, value)| (name.value.clone(), value.value.to_f64()));
-    (mechanism.robot(&[kind]).unwrap(), lengths.collect())
+    mechanism.robot_in_names(&[kind]).unwrap()
 }
 
 /// Irregular values near home.
@@ -28,6 +25,7 @@ fn values(robot: &Robot, argument: &str, count: usize) -> Vec<f64> {
     let wave = |k: usize| (0.4 + 1.7 * k as f64 + argument.len() as f64).sin();
     let each = (0..count).map(|k| match argument {
         "q" => robot.home[k] + 0.1 * wave(k),
+        "geometry" => robot.adjustable[k].1 * (1.0 + 0.01 * wave(k)),
         _ => wave(k),
     });
     each.collect()
@@ -57,9 +55,9 @@ fn sympy_evaluates_to_what_is_computed() {
         ("slider_crank.yaml", EquationSet::Jacobian, Parameters::All),
     ] {
         let [kind] = kinds(of, parameters);
-        let (robot, lengths) = robot(file, kind);
+        let robot = robot(file, kind);
         let program = &robot.function(kind).unwrap().program;
-        let mut script = equations(&robot, &lengths, &[], of, parameters, Style::Sympy).unwrap();
+        let mut script = equations(&robot, of, parameters, Style::Sympy).unwrap();
         let mut inputs = Vec::new();
         let mut given = String::new();
         for argument in &program.arguments {

@@ -27,14 +27,11 @@ fn printed(command: &str) -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let text = std::fs::read_to_string(root.join(file)).unwrap();
     let source = Source::new(*file, &text);
-    let spec = regen_codegen::spec::parse(&source).unwrap();
-    let lengths = spec.geometry.iter();
-    let lengths: Vec<(String, f64)> = lengths
-        .map(|(name, value)| (name.value.clone(), value.value.to_f64()))
-        .collect();
     let mechanism = Mechanism::open(&source).unwrap();
-    let robot = mechanism.robot(&kinds(of, Parameters::All)).unwrap();
-    equations(&robot, &lengths, &[], of, Parameters::All, style).unwrap()
+    let robot = mechanism
+        .robot_in_names(&kinds(of, Parameters::All))
+        .unwrap();
+    equations(&robot, of, Parameters::All, style).unwrap()
 }
 
 #[test]

@@ -18,9 +18,8 @@ limbs:
 
 fn written(of: EquationSet, parameters: Parameters, style: Style) -> String {
     let mechanism = Mechanism::open(&Source::new("arm.yaml", ARM)).unwrap();
-    let robot = mechanism.robot(&kinds(of, parameters)).unwrap();
-    let lengths = [("reach".to_owned(), 0.37)];
-    equations(&robot, &lengths, &[], of, parameters, style).unwrap()
+    let robot = mechanism.robot_in_names(&kinds(of, parameters)).unwrap();
+    equations(&robot, of, parameters, style).unwrap()
 }
 
 #[test]
@@ -53,11 +52,38 @@ fn every_name_is_defined_before_it_is_used() {
 }
 
 #[test]
+fn named_angles_stay_symbols_and_roots_of_numbers_are_exact() {
+    let text = ARM
+        .replace("{reach: 0.37}", "{reach: 0.37, alpha: 0.6, beta: pi/2}")
+        .replace(
+            "dh: {a: reach}",
+            "dh: {a: reach, alpha: alpha + pi/3, d: sqrt(6)/4}",
+        );
+    let mechanism = Mechanism::open(&Source::new("arm.yaml", &text)).unwrap();
+    let (of, all) = (EquationSet::Dynamics, Parameters::All);
+    let robot = mechanism.robot_in_names(&kinds(of, all)).unwrap();
+    let text = equations(&robot, of, all, Style::Text).unwrap();
+    assert!(
+        text.contains("alpha = 0.6\n") && !text.contains("beta"),
+        "{text}"
+    );
+    assert!(text.contains("sin(alpha + pi/3)"), "{text}");
+    assert!(
+        text.contains("sqrt(6)/4") && !text.contains("0.61237"),
+        "{text}"
+    );
+    let latex = equations(&robot, of, all, Style::Latex).unwrap();
+    assert!(latex.contains("\\tfrac{\\sqrt{6}}{4}"), "{latex}");
+}
+
+#[test]
 fn an_arm_has_nothing_to_close() {
     let mechanism = Mechanism::open(&Source::new("arm.yaml", ARM)).unwrap();
     for of in [EquationSet::Closure, EquationSet::Jacobian, EquationSet::X] {
-        let robot = mechanism.robot(&kinds(of, Parameters::All)).unwrap();
-        let missing = equations(&robot, &[], &[], of, Parameters::All, Style::Text).unwrap_err();
+        let robot = mechanism
+            .robot_in_names(&kinds(of, Parameters::All))
+            .unwrap();
+        let missing = equations(&robot, of, Parameters::All, Style::Text).unwrap_err();
         assert!(missing.to_string().contains("no loops"), "{missing}");
     }
 }
@@ -67,8 +93,8 @@ fn a_script_calls_only_what_it_imports_or_defines() {
     let text = ARM.replace("body: upper,", "body: upper, friction: asymmetric,");
     let mechanism = Mechanism::open(&Source::new("arm.yaml", &text)).unwrap();
     let (of, all) = (EquationSet::Regressor, Parameters::All);
-    let robot = mechanism.robot(&kinds(of, all)).unwrap();
-    let script = equations(&robot, &[], &[], of, all, Style::Sympy).unwrap();
+    let robot = mechanism.robot_in_names(&kinds(of, all)).unwrap();
+    let script = equations(&robot, of, all, Style::Sympy).unwrap();
     let imported = script
         .lines()
         .find_map(|l| l.strip_prefix("from sympy import "));

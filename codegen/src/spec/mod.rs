@@ -34,6 +34,7 @@ pub(crate) use expression::{Ast, AstKind, Operator};
 pub use joints::{CutRow, MotionKind};
 pub use payloads::Payloads;
 pub use physical::{Flaw, flaw};
+pub(crate) use resolve::adjustable::possible as possible_arguments;
 pub use schema::schema;
 pub use suggest::nearest;
 pub use types::*;

@@ -1,7 +1,7 @@
 //! Evaluates every expression of a spec whose names have been checked, and checks the values:
 //! intervals, cone angles, pitches, masses, inertias.
 
-mod adjustable;
+pub(crate) mod adjustable;
 mod drives;
 mod springs;
 

@@ -8,8 +8,8 @@ use clap::{Args, ValueEnum};
 #[command(after_help = "\
 Intermediate terms come first, in the order in which they are computed: s_12 and
 c_12 are the sine and cosine of q1 + q2, and t_1, t_2, ... all other terms that
-are used more than once. A number that equals exactly one name of `geometry` is
-written as that name. With loops, X is solved with the order of pivots that
+are used more than once. Names of `geometry` stay symbols, but for zeros and
+multiples of right angles. With loops, X is solved with the order of pivots that
 generated code uses in the middle of the workspace.
 
 Examples:

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::diag::{Diagnostic, Sink, Span};
 use crate::spec::suggest::did_you_mean;
-use crate::spec::types::{Expr, Function, JointFrame, Quantity, Spec};
+use crate::spec::types::{Expr, Function, JointFrame, Quantity, Spanned, Spec};
 
 /// The largest exponent of a power of an adjustable name.
 const MAX_EXPONENT: i64 = 16;
@@ -71,6 +71,30 @@ pub(super) fn check(spec: &Spec, sink: &mut Sink) {
             );
         }
     }
+}
+
+/// The names of the geometry that functions can take as arguments together: numbers other than 0, and no angles
+/// at which axes are parallel or at right angles, which shape the functions. In the order of the description.
+///
+/// - `is_angle`: whether an angle depends on a name.
+pub(crate) fn possible(spec: &Spec, is_angle: impl Fn(&str) -> bool) -> Vec<Spanned<String>> {
+    let mut tried = spec.clone();
+    tried.adjustable.clear();
+    for (name, quantity) in &spec.geometry {
+        let value = &quantity.value;
+        let half_turns = value.pi_multiple().map(|own| own.clone() + own);
+        let is_special = half_turns.is_some_and(|own| own.is_int()) && is_angle(&name.value);
+        if value.is_zero() || is_special {
+            continue;
+        }
+        tried.adjustable.push(name.clone());
+        let mut sink = Sink::new();
+        check(&tried, &mut sink);
+        if !sink.is_empty() {
+            tried.adjustable.pop();
+        }
+    }
+    tried.adjustable
 }
 
 /// What is wrong with a name, if something is.
