@@ -22,6 +22,7 @@ pages! {
     plc = "plc.md",
     optimise = "optimise.md",
     equations = "equations.md",
+    paper = "paper.md",
     serve = "serve.md",
     experiment = "experiment.md",
     identify = "identify.md",

@@ -214,7 +214,7 @@ impl Branch {
         &self,
         spec: &Spec,
         model: &Model,
-        names: &Names<'_>,
+        (names, nonlinear): (&Names<'_>, &[usize]),
     ) -> Option<Ranks> {
         let at_home = |model: &Model, more: &dyn Fn(&mut State<Float320>)| {
             let mut state = State {
@@ -248,7 +248,7 @@ impl Branch {
             columns.push(difference.collect::<Vec<Float320>>());
             Some(())
         };
-        for group in names.groups.iter().filter(|group| !group.is_angle) {
+        for (_, group) in names.linear(nonlinear) {
             let twice = scaled(spec, &[(group, Number::from_i64(2))])?;
             add(at_home(&model::build(&twice), &|_| {}))?;
         }

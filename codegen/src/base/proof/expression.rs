@@ -45,6 +45,12 @@ impl<'a> Names<'a> {
         Some((place, *own != self.groups.get(place)?.value))
     }
 
+    /// The groups of lengths in which all expressions of the spec are linear, with their places.
+    pub(super) fn linear(&self, nonlinear: &[usize]) -> impl Iterator<Item = (usize, &Group)> {
+        let all = self.groups.iter().enumerate();
+        all.filter(|(place, group)| !group.is_angle && !nonlinear.contains(place))
+    }
+
     /// The groups of lengths in which some expression of the spec is not linear, as places in `groups`.
     pub(super) fn nonlinear(&self, quantities: &[&Quantity]) -> BTreeSet<usize> {
         let mut found = BTreeSet::new();

@@ -65,7 +65,7 @@ pub(super) fn proven(
     let nonlinear: Vec<usize> = names.nonlinear(&lengths(model)).into_iter().collect();
     let attempt = |with_relations: bool| -> Option<Vec<bool>> {
         let branch = Branch::new(model, &states, with_relations)?;
-        let ranks = branch.ranks_at_home(spec, model, &names)?;
+        let ranks = branch.ranks_at_home(spec, model, (&names, &nonlinear))?;
         let problem = Problem {
             model,
             names: &names,
@@ -300,12 +300,11 @@ impl Problem<'_> {
     }
 
     fn unknowns(&self) -> Vec<Unknown> {
-        let groups = self.names.groups.iter().enumerate();
-        let groups = groups.filter(|(k, g)| !g.is_angle && !self.nonlinear.contains(k));
+        let groups = self.names.linear(self.nonlinear);
         let slides = self.slides().map(Unknown::Slide);
         let frames = 0..ground_frames(self.model);
         groups
-            .map(|(k, _)| Unknown::Group(k))
+            .map(|(place, _)| Unknown::Group(place))
             .chain(slides)
             .chain(frames.flat_map(|k| (0..3).map(move |i| Unknown::Shift(k, i))))
             .collect()
