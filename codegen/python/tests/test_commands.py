@@ -1,5 +1,6 @@
 """What the commands beside identification give."""
 
+import importlib.util
 import json
 import pickle
 
@@ -110,6 +111,26 @@ def test_a_frame_gives_the_columns_by_name(picker, excitation):
         picker.gravity(pandas.DataFrame({"q1": [0.1]}))
 
 
+def test_states_become_a_frame_that_every_function_takes(picker, excitation):
+    pandas = pytest.importorskip("pandas")
+    log = picker.simulate(excitation, settle=5.0, step=0.01, bandwidth=20, exact=True)
+    closed = picker.close(log.to_pandas())
+    tau = picker.inverse_dynamics(closed.q, closed.qd, closed.qdd)
+    frame = picker.frame(log["t"], q=closed.q, qd=closed.qd, qdd=closed.qdd, tau=tau)
+    assert isinstance(frame, pandas.DataFrame) and len(frame) == len(log["t"])
+    np.testing.assert_array_equal(picker.inverse_dynamics(frame, frame, frame), tau)
+    assert [c for c in frame if c.startswith("tau_")] == ["tau_" + q for q in picker.independent]
+    assert [c for c in frame if c.startswith("qd_")] == ["qd_" + q for q in picker.coordinates]
+    roles = picker.inspect(frame).to_pandas()["role"]
+    assert list(roles.index) == list(frame) and roles["t"] == "time" and roles["tau_q3"] == "effort"
+    with pytest.raises(regen.InputError, match="not equally long"):
+        picker.frame(log["t"][:-1], q=closed.q)
+    with pytest.raises(regen.InputError, match=r"shape \(3, 7\)"):
+        picker.frame(q=np.zeros((3, 7)))
+    with pytest.raises(regen.InputError, match="`phi` is none of"):
+        picker.frame(phi=np.zeros((3, 2)))
+
+
 def test_a_calibration_finds_simulated_errors(fivebar, tmp_path):
     """Encoders in all joints, two more than the mechanism needs."""
     robot = fivebar
@@ -118,6 +139,9 @@ def test_a_calibration_finds_simulated_errors(fivebar, tmp_path):
     truth = robot.calibrate(plan, simulate=poses, poses=40, perturb=5e-4, seed=3)
     found = robot.calibrate(plan | {"runs": [{"files": [str(poses)]}]})
     assert found.data["converged"] and not found.doubts and "40 poses" in repr(found)
+    if importlib.util.find_spec("pandas"):
+        values = found.to_pandas()["value"].dropna()
+        assert dict(values) == found.values
     sigmas = {row["name"]: row["sigma"] for row in found.data["estimates"]}
     assert set(found.values) == set(truth.values)
     assert all(abs(found.values[name] - value) < 5 * sigmas[name] for name, value in truth.values.items())

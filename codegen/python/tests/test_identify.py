@@ -66,6 +66,21 @@ def test_validation_and_report(picker, logs, identified):
     assert page.html.startswith("<!") and "iframe" in page._repr_html_()
 
 
+def test_every_result_is_a_frame(picker, logs, excitation, identified):
+    pytest.importorskip("pandas")
+    frame = identified.to_pandas()
+    assert list(frame.index) == identified.labels
+    np.testing.assert_array_equal(frame["value"], identified.values)
+    np.testing.assert_array_equal(frame["sigma"], identified.sigma)
+    errors = picker.validate(identified, [logs[1], logs[2]], fourier=FOURIER).to_pandas()
+    assert len(errors) == 2 * picker.dof and errors["log"].nunique() == 2
+    assert len(excitation.to_pandas()) == len(excitation.limits) > 0
+    columns = regen.inspect(logs[:2]).to_pandas()
+    assert len(columns) == 2 * len(logs[0]) and set(columns["column"]) == set(logs[0])
+    one = regen.inspect(logs[0]).to_pandas()
+    assert list(one.index) == list(logs[0]) and one.loc["t", "role"] == "time"
+
+
 def test_mistakes_in_experiments_have_places(picker):
     with pytest.raises(regen.DescriptionError) as found:
         picker.identify({"runs": [{"fil": "a.csv"}]})

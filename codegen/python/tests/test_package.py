@@ -1,6 +1,7 @@
 """The package as a whole."""
 
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -48,3 +49,19 @@ def test_examples_in_documentation():
 
     for module in (regen, logs, robot):
         assert doctest.testmod(module).failed == 0
+
+
+def test_the_conda_recipe_asks_for_what_the_package_needs():
+    recipe = (HERE.parent / "recipe" / "recipe.yaml").read_text()
+    project = (HERE.parent / "pyproject.toml").read_text()
+    workspace = (HERE.parents[2] / "Cargo.toml").read_text()
+    version = re.search(r'^version = "(.*)"$', workspace, re.M)[1]
+    assert f'version: "{version}"' in recipe
+    name = re.search(r'^name = "(.*)"$', project, re.M)[1]
+    assert f"name: {name}\n" in recipe
+    python = re.search(r'^requires-python = "(.*)"$', project, re.M)[1]
+    needed = re.search(r"^dependencies = \[(.*)\]$", project, re.M)[1].replace('"', "").split(", ")
+    built = re.search(r"^requires = \[(.*)\]$", project, re.M)[1].strip('"').split(", ")
+    listed = re.findall(r"^    - (.*)$", recipe, re.M)
+    for one in [f"python{python}", *needed, *built]:
+        assert re.sub(r"([a-z])([><=])", r"\1 \2", one, count=1) in listed, (one, listed)

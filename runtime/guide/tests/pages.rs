@@ -119,3 +119,27 @@ fn the_list_of_pages_and_the_modules_have_every_page() {
         assert!(modules.contains(&format!("= \"{name}\",")), "{name}");
     }
 }
+
+#[test]
+fn what_is_cited_is_what_the_citation_file_has() {
+    let page = &pages()["start_research.md"];
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let file = fs::read_to_string(root.join("CITATION.cff")).unwrap();
+    let version = env!("CARGO_PKG_VERSION");
+    assert!(file.contains(&format!("version: {version}\n")));
+    assert!(page.contains(&format!("version = {{{version}}}")));
+    let titles = file
+        .lines()
+        .filter_map(|l| l.trim().strip_prefix("title: "));
+    let titles: Vec<&str> = titles.map(|t| t.trim_matches('"')).collect();
+    assert_eq!(titles.len(), 2);
+    for title in titles {
+        assert!(page.contains(&format!("= {{{title}}},")), "{title}");
+    }
+    for name in file
+        .lines()
+        .filter_map(|l| l.trim().strip_prefix("- family-names: "))
+    {
+        assert!(page.contains(name), "{name}");
+    }
+}

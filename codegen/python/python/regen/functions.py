@@ -417,6 +417,31 @@ class Functions(Model):
             )
         return self.nominal
 
+    def frame(self, t: ArrayLike | None = None, /, **states: ArrayLike) -> Any:
+        """A DataFrame of states, whose columns have their names in logs.
+
+        ``t``: times, s, shape (N,), which become the column ``t``. ``q``, ``qd``, ``qdd``, ``tau``:
+        shape (N, n) for all coordinates, (N, dof) for the independent ones, or (N, actuated) for
+        efforts of actuators; SI. It is what functions and commands take, and needs pandas.
+        """
+        import pandas as pd
+
+        columns: dict[str, Array] = {} if t is None else {"t": numbers("t", t)}
+        for name, values in states.items():
+            if name not in _PREFIXES:
+                raise InputError(f"`{name}` is none of {', '.join(_PREFIXES)}")
+            table = numbers(name, values)
+            sets = [self.independent, self.coordinates] + [self.actuated] * (name == "tau")
+            fitting = [names for names in sets if table.ndim == 2 and table.shape[1] == len(names)]
+            if not fitting:
+                sizes = ", ".join(str(size) for size in sorted({len(names) for names in sets}))
+                raise InputError(f"`{name}` has shape {table.shape}, not (N, k) with k of {sizes}")
+            columns.update((_PREFIXES[name] + j, table[:, k]) for k, j in enumerate(fitting[0]))
+        lengths = {name: len(column) for name, column in columns.items()}
+        if len(set(lengths.values())) > 1:
+            raise InputError(f"the columns are not equally long: {lengths}")
+        return pd.DataFrame(columns)
+
     def _named(self, name: str, values: Any) -> Any:
         """The columns of a DataFrame by their names in logs; other values as they are."""
         kind, _, which = name.partition("_")

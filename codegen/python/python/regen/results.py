@@ -31,6 +31,22 @@ class Result:
         text = json.dumps(self.data) + "\n"
         pathlib.Path(path).write_text(text, encoding="utf-8")
 
+    #: The column that names the rows of the table.
+    _index = "label"
+
+    def _rows(self) -> list[dict[str, Any]]:
+        """The rows of the table, as the class says."""
+        rows: list[dict[str, Any]] = self.data["parameters"]
+        return rows
+
+    def to_pandas(self) -> Any:
+        """The table of the result as a DataFrame; a name that repeats itself stays a column."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self._rows())
+        named = self._index in frame and frame[self._index].is_unique
+        return frame.set_index(self._index) if named else frame
+
 
 def _table(rows: list[dict[str, Any]], index: str) -> Any:
     """A DataFrame if pandas is installed, else the rows."""
@@ -62,7 +78,7 @@ def _html(rows: list[dict[str, Any]]) -> str:
 
 
 class Identified(Result):
-    """Identified parameters."""
+    """Identified parameters; ``to_pandas()`` has a row for each base parameter."""
 
     @property
     def method(self) -> str:
@@ -123,7 +139,7 @@ class Identified(Result):
 
 
 class Calibration(Result):
-    """The geometry that fits measurements, and what they cannot tell."""
+    """The geometry that fits measurements, and what they cannot tell; ``to_pandas()``: its numbers."""
 
     @property
     def values(self) -> dict[str, float]:
@@ -134,7 +150,13 @@ class Calibration(Result):
     @property
     def table(self) -> Any:
         """Each number with its nominal value, deviation and interval: a DataFrame with pandas."""
-        return _table(self.data["estimates"], "name")
+        return _table(self._rows(), self._index)
+
+    _index = "name"
+
+    def _rows(self) -> list[dict[str, Any]]:
+        rows: list[dict[str, Any]] = self.data["estimates"]
+        return rows
 
     @property
     def doubts(self) -> list[str]:
@@ -147,7 +169,7 @@ class Calibration(Result):
 
 
 class Rehearsal(Result):
-    """How often simulated logs would give the true parameters."""
+    """How often simulated logs would give the true parameters; ``to_pandas()`` has a row for each."""
 
     @property
     def score(self) -> float:
@@ -176,7 +198,7 @@ class Rehearsal(Result):
 
 
 class Validation(Result):
-    """The errors of predicted efforts."""
+    """The errors of predicted efforts; ``to_pandas()`` has a row for each effort of each log."""
 
     def __init__(self, data: dict[str, Any], predictions: Log) -> None:
         super().__init__(data)
@@ -220,7 +242,7 @@ class Validation(Result):
 
 
 class Excitation(Result):
-    """An exciting trajectory; pass ``trajectory`` to `simulate` and `identify(reference=)`."""
+    """An exciting trajectory for `simulate` and `identify(reference=)`; ``to_pandas()``: its limits."""
 
     def __init__(self, found: dict[str, Any]) -> None:
         super().__init__(found["trajectory"])
@@ -235,15 +257,32 @@ class Excitation(Result):
     def _repr_html_(self) -> str:
         return _html(self.limits)
 
+    def _rows(self) -> list[dict[str, Any]]:
+        return self.limits
+
 
 class Inspection(Result):
-    """The contents of logs, and the parameters that the logs can identify."""
+    """The contents of logs, and the parameters that the logs can identify; ``to_pandas()``: columns."""
 
     @property
     def proposal(self) -> str | None:
         """A proposed experiment file, as YAML."""
         text: str | None = self.data["proposal"]
         return text
+
+    def _rows(self) -> list[dict[str, Any]]:
+        columns = (
+            {"log": log["log"], "column": column["name"], **column}
+            for log in self.data["logs"]
+            for column in log["columns"]
+        )
+        plain = (str, int, float, type(None))
+        return [
+            {key: value for key, value in column.items() if key != "name" and isinstance(value, plain)}
+            for column in columns
+        ]
+
+    _index = "column"
 
     def __repr__(self) -> str:
         return f"<Inspection of {len(self.data['logs'])} logs>"
