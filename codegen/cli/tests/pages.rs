@@ -334,6 +334,21 @@ fn in_a_browser_loops_stay_closed_between_samples() {
     assert_eq!(red(&browser, &dir.join("wrong.html"), "0"), "tip");
 }
 
+/// All axes meet in one point, where there would be nothing to see of bodies between joints.
+#[test]
+fn in_a_browser_a_mechanism_on_a_ball_is_drawn_without_errors() {
+    let Some(browser) = browser() else { return };
+    let dir = scratch("pages_view_ball");
+    let spec = root().join("tests/fixtures/base/spherical_fourbar.yaml");
+    let spec = spec.display().to_string();
+    regen(&dir, &["view", &spec, "--out", "view.html"]).ended(0);
+    let page = dir.join("view.html");
+    let (_, home) = moment(&browser, &page, "0");
+    let (_, later) = moment(&browser, &page, "0.3");
+    assert_ne!(home, later);
+    assert_eq!(red(&browser, &page, "0.3"), "");
+}
+
 #[test]
 fn in_a_browser_the_report_has_its_figures_and_no_errors() {
     let Some(browser) = browser() else { return };

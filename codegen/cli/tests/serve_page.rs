@@ -141,6 +141,79 @@ fn in_a_browser_a_mistake_is_shown_at_its_line_and_correcting_it_restores_the_ta
     assert!(page.errors.is_empty(), "{:?}", page.errors);
 }
 
+/// Presses a key and lets it go.
+fn press(page: &mut Driven, key: &str, code: u32) {
+    for kind in ["rawKeyDown", "char", "keyUp"] {
+        let is_text = key.chars().count() == 1;
+        if kind != "char" || is_text {
+            let text = if is_text { key } else { "" };
+            let event =
+                json!({"type": kind, "key": key, "text": text, "windowsVirtualKeyCode": code});
+            page.ask("Input.dispatchKeyEvent", &event);
+        }
+    }
+}
+
+#[test]
+fn in_a_browser_keys_lead_through_the_page() {
+    let Some(browser) = browser() else { return };
+    let dir = scratch("serve_page_keys");
+    let (_served, mut page) = opened(&browser, &dir, 500);
+    let (tab, escape, left, right, end) = (9, 27, 37, 39, 35);
+    let active = "document.activeElement.id";
+
+    // Tab indents; after Escape it leaves the editor
+    select(&mut page, "name");
+    let length = "document.getElementById('text').value.length";
+    let before = page.value(length).as_i64().unwrap();
+    press(&mut page, "Tab", tab);
+    assert_eq!(page.value(active), "text");
+    assert_eq!(page.value(length).as_i64().unwrap(), before - 4 + 2);
+    press(&mut page, "Escape", escape);
+    press(&mut page, "Tab", tab);
+    assert_ne!(page.value(active), "text");
+    select(&mut page, "limbs");
+    press(&mut page, "Tab", tab);
+    assert_eq!(page.value(active), "text", "Escape holds for one Tab");
+
+    // numbers of lines follow the text to its end, though it is scrolled sideways
+    let last = "(() => { const text = document.getElementById('text'), \
+                numbers = document.getElementById('numbers'); text.scrollTop = 1e6; \
+                numbers.scrollTop = text.scrollTop; return numbers.scrollTop - text.scrollTop; })()";
+    assert_eq!(page.value(last), 0);
+
+    // arrows choose tabs
+    page.value("document.getElementById('part-view').focus()");
+    press(&mut page, "ArrowRight", right);
+    assert_eq!(page.value(active), "part-base");
+    assert_eq!(
+        page.value("document.getElementById('panel-base').hidden"),
+        false
+    );
+    press(&mut page, "End", end);
+    assert_eq!(page.value(active), "part-check");
+    press(&mut page, "ArrowRight", right);
+    assert_eq!(page.value(active), "part-view");
+    press(&mut page, "ArrowLeft", left);
+    assert_eq!(page.value(active), "part-check");
+    let reached =
+        "[...document.querySelectorAll('#parts button')].filter((b) => b.tabIndex === 0).length";
+    assert_eq!(page.value(reached), 1);
+
+    // + brings the mechanism nearer, - takes it away
+    page.value("document.getElementById('part-view').click()");
+    turn_the_camera(&mut page);
+    page.value("document.getElementById('frame-view').focus()");
+    let away = "JSON.parse(document.getElementById('frame-view').dataset.camera).away";
+    let at = page.value(away).as_f64().unwrap();
+    press(&mut page, "+", 187);
+    page.wait(&format!("{away} < {at}"));
+    press(&mut page, "-", 189);
+    press(&mut page, "-", 189);
+    page.wait(&format!("{away} > {at}"));
+    assert!(page.errors.is_empty(), "{:?}", page.errors);
+}
+
 #[test]
 fn in_a_browser_nothing_of_a_text_runs_as_part_of_the_page() {
     let Some(browser) = browser() else { return };

@@ -83,7 +83,10 @@
   const size = farthest(home);
   // what a long arm sweeps would leave it small: its farthest ends may leave the picture
   const reach = Math.min(farthest(everywhere), 1.5 * size);
-  const glyph = 0.055 * size;
+  // where all axes pass through one point, joints are drawn on a ball around it, bodies as its arcs
+  const ball_of = Math.max(...home.map((p) => long(sub(p, middle)))) < 1e-9 ? 0.8 * size : 0;
+  const glyph = (ball_of ? 0.11 : 0.055) * size;
+  const out = (p, axis) => add(p, times(axis, ball_of));
 
   // ---- the eye
   const up = unit(data.up);
@@ -233,6 +236,7 @@
         }
       }
       const thick = Math.max(2.5, 0.03 * size * place(frame.p)[3]);
+      if (ball_of) { drawArcs(body, poses, thick, solidOf(k, 0.95)); return; }
       if (points.length === 2) line(points[0], points[1], thick, solidOf(k, 0.95));
       if (points.length < 3) return;
       const c = times(points.reduce(add), 1 / points.length);
@@ -263,6 +267,22 @@
       if (long(p) > 1e-6) line([0, 0, 0], p, 1, ink.line, [4, 4]);
     }
   }
+  /** A body of a mechanism whose axes meet, from each of its axes to the next. */
+  function drawArcs(body, poses, thick, dye) {
+    const axes = [];
+    for (const j of joints) {
+      const a = j.axes[0];
+      if (a.parent === body.link || j.link === body.link) axes.push(turned(after(at(poses, a.parent), a.frame).r, a.axis));
+    }
+    for (const c of cuts) c.sides.forEach(([link], k) => {
+      if (link === body.link) axes.push(turned(ends(poses, c)[k].r, [0, 0, 1]));
+    });
+    for (let k = 1; k < axes.length; k++) {
+      const [from, to] = [axes[k - 1], axes[k]];
+      const on = (f) => out(middle, unit(add(times(from, 1 - f), times(to, f))));
+      for (let n = 0; n < 12; n++) line(on(n / 12), on((n + 1) / 12), thick, dye);
+    }
+  }
   function drawJoints(poses) {
     for (const j of joints) {
       const first = j.axes[0];
@@ -274,9 +294,10 @@
         for (const a of j.axes.length > 1 && j.kind !== "cylindrical" ? [] : j.axes.slice(0, 1)) {
           const frame = after(at(poses, a.parent), a.frame);
           const axis = turned(frame.r, a.axis);
-          line(sub(frame.p, times(axis, 2.6 * glyph)), add(frame.p, times(axis, 2.6 * glyph)), 1.25, dye, [7, 4]);
-          if (j.kind === "prismatic") box(frame.p, axis, glyph, 0.42 * glyph, fill, dye);
-          else drum(frame.p, axis, 0.55 * glyph, 0.75 * glyph, fill, dye);
+          const p = out(frame.p, axis);
+          line(ball_of ? frame.p : sub(p, times(axis, 2.6 * glyph)), add(p, times(axis, 2.6 * glyph)), 1.25, dye, [7, 4]);
+          if (j.kind === "prismatic") box(p, axis, glyph, 0.42 * glyph, fill, dye);
+          else drum(p, axis, 0.55 * glyph, 0.75 * glyph, fill, dye);
         }
         if (j.kind === "spherical") ball(before.p, 0.55 * glyph, fill, dye);
         if (j.kind === "universal") {
@@ -287,7 +308,7 @@
           }
         }
       }
-      if (by("names").checked) word(before.p, j.name, dye, j.actuated);
+      if (by("names").checked) word(out(before.p, turned(before.r, first.axis)), j.name, dye, j.actuated);
     }
   }
   function drawCuts(poses, sample) {
@@ -305,13 +326,13 @@
       for (const e of wrong ? [a, b] : [a]) {
         if (cut.kind === "spherical" || cut.kind === "universal") ball(e.p, 0.55 * glyph, ink.ground, dye, 3);
         else {
-          const axis = turned(e.r, [0, 0, 1]);
-          drum(e.p, axis, 0.55 * glyph, 0.75 * glyph, ink.ground, dye);
-          if (by("axes").checked) line(sub(e.p, times(axis, 2.2 * glyph)), add(e.p, times(axis, 2.2 * glyph)), 1.25, dye, [2, 4]);
+          const axis = turned(e.r, [0, 0, 1]), p = out(e.p, axis);
+          drum(p, axis, 0.55 * glyph, 0.75 * glyph, ink.ground, dye);
+          if (by("axes").checked) line(ball_of ? e.p : sub(p, times(axis, 2.2 * glyph)), add(p, times(axis, 2.2 * glyph)), 1.25, dye, [2, 4]);
         }
       }
       if (wrong) open.push(cut.name);
-      if (by("names").checked) word(a.p, wrong ? `${cut.name}: open by ${gap.toPrecision(3)} m` : cut.name, dye, true);
+      if (by("names").checked) word(out(a.p, turned(a.r, [0, 0, 1])), wrong ? `${cut.name}: open by ${gap.toPrecision(3)} m` : cut.name, dye, true);
     }
     by("scene").dataset.open = open.join(" ");
   }
@@ -470,6 +491,7 @@
   addEventListener("keydown", (e) => {
     if (e.target !== canvas && e.target !== document.body) return;
     if (e.key === " ") { e.preventDefault(); play(!playing); }
+    else if (["+", "=", "-"].includes(e.key) && !e.ctrlKey && !e.metaKey) { nearer(e.key === "-" ? 1.2 : 1 / 1.2); show(); }
     else if (e.key === "ArrowLeft" || e.key === "ArrowRight") {
       play(false);
       part = Math.min(Math.max(part + (e.key === "ArrowLeft" ? -0.005 : 0.005), 0), 1);
@@ -489,6 +511,7 @@
       Object.assign(eye, { yaw, pitch, away, to }); show(); tell();
     });
     for (const hand of ["pointerup", "wheel"]) canvas.addEventListener(hand, tell, { passive: true });
+    addEventListener("keyup", tell);
   }
 
   // a link to a moment: #t=0.25, parts of the whole

@@ -34,11 +34,24 @@
     box.append(button);
     return button;
   }
+  // of a list of tabs the chosen one is reached by Tab, the others from it by the arrows
+  function marked(button, is) {
+    button.setAttribute("aria-selected", is);
+    button.tabIndex = is ? 0 : -1;
+  }
+  for (const box of [by("files"), by("parts")]) box.addEventListener("keydown", (e) => {
+    const all = [...box.children], at = all.indexOf(document.activeElement);
+    const to = { ArrowLeft: at - 1, ArrowRight: at + 1, Home: 0, End: all.length - 1 }[e.key];
+    if (at < 0 || to === undefined) return;
+    e.preventDefault();
+    const button = all[(to + all.length) % all.length];
+    button.focus(); button.click();
+  });
   function names() {
     files.forEach((file, k) => {
       file.tab.textContent = file.name + (isChanged(file) ? " •" : "");
       file.tab.title = file.path;
-      file.tab.setAttribute("aria-selected", k === open);
+      marked(file.tab, k === open);
     });
     by("save").disabled = !files.length || !isChanged(files[open]);
     document.title = (files.some(isChanged) ? "• " : "") + (files.length ? files[0].name : "regen");
@@ -63,6 +76,8 @@
       parts.push(row, "\n");
     }
     by("numbers").replaceChildren(...parts);
+    // as far down as the text, which may have a bar to scroll it sideways
+    by("numbers").style.paddingBottom = `${8 + by("text").offsetHeight - by("text").clientHeight}px`;
     by("numbers").scrollTop = by("text").scrollTop;
   }
   by("text").addEventListener("scroll", () => { by("numbers").scrollTop = by("text").scrollTop; });
@@ -73,7 +88,13 @@
     clearTimeout(pause);
     pause = setTimeout(send, PAUSE);
   });
+  // Tab indents; after Escape it leads on, as everywhere else
+  let leaving = false;
+  by("text").addEventListener("blur", () => { leaving = false; });
   by("text").addEventListener("keydown", (e) => {
+    if (e.key === "Escape") { leaving = true; return; }
+    if (e.key === "Tab" && leaving) return;
+    leaving = false;
     if (e.key === "Tab" && !e.shiftKey && !e.ctrlKey && !e.altKey) {
       e.preventDefault();
       // keeps what can be undone, which setting the value would not
@@ -136,7 +157,7 @@
   function select(part) {
     chosen = part;
     for (const name of Object.keys(TITLES)) panel(name).hidden = name !== part;
-    for (const button of by("parts").children) button.setAttribute("aria-selected", button.id === `part-${part}`);
+    for (const button of by("parts").children) marked(button, button.id === `part-${part}`);
     draw();
   }
   async function show(now) {
@@ -224,6 +245,7 @@
     } catch (error) { status(`${file.name}: not saved: ${error.message}`, "wrong"); }
   }
   by("save").onclick = save;
+  addEventListener("resize", () => { if (files.length) lines(); });
   addEventListener("keydown", (e) => {
     if ((e.ctrlKey || e.metaKey) && e.key === "s") { e.preventDefault(); if (!by("save").disabled) save(); }
   });
