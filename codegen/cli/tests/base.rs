@@ -451,11 +451,7 @@ fn angles_with_names_stay_symbols_in_every_format() {
         assert!(!text.contains("7/10") && !text.contains("pi/5"), "{text}");
     }
     let equations = regen(&dir, &["equations", "twisted.yaml"]).ended(0).out;
-    for part in [
-        "numbers are those at al = 0.7",
-        "sin(al)^2*",
-        "9.81*cos(al)",
-    ] {
+    for part in ["al = 0.7\n", "s_a1 = sin(al)", "9.81*c_a1"] {
         assert!(equations.contains(part), "{part} not in\n{equations}");
     }
 }

@@ -72,7 +72,7 @@ pub enum Provenance {
     /// By layers 1 and 2: derived exactly from spanning trees and velocity constraints. Also for a
     /// base parameter that is a single parameter.
     Derived,
-    /// By layer 3, and then proven: exact points of the mechanism with all values of the names, modulo a prime,
+    /// By layer 3, and then proven: exact points of the mechanism with all values of the names, modulo primes,
     /// leave a chance below 2^-128 that it is wrong.
     Proven,
     /// By layer 3: completed from the regressor at sampled states, in multiple precision.
@@ -240,6 +240,12 @@ fn derive_with_completion(
                 Provenance::Proven
             } else {
                 Provenance::Completed
+            };
+            // a direction of one parameter has no factor, but may need the value of a name that was not varied
+            let exactness = if unvaried_names.is_empty() {
+                exactness
+            } else {
+                exactness.max(Exactness::AtThisGeometry)
             };
             completed_exactness.push((provenance, exactness));
             direction.insert(columns + k, Element::one());

@@ -50,8 +50,27 @@ fn common_multiple(a: i64, b: i64) -> Option<i64> {
     (a / x).checked_mul(b).filter(|c| *c <= 5040)
 }
 
+/// The constant of a relation at home, as a multiple of pi or else in rad; `None` if it is not recognised.
+fn constant_of(home: &[Float320], column: usize, factors: &[(usize, RBig)]) -> Option<[RBig; 2]> {
+    let mut constant = *home.get(column)?;
+    for (coordinate, factor) in factors {
+        let factor = Float320::from_number(&Number::from_rational(factor.clone()));
+        constant = constant - factor * *home.get(*coordinate)?;
+    }
+    let of_pi = constant.checked_div(Float320::from_number(&Number::pi()))?;
+    if let Some(multiple) = recognise(&of_pi).and_then(|x| x.as_rational()) {
+        return Some([multiple, RBig::ZERO]);
+    }
+    Some([RBig::ZERO, recognise(&constant)?.as_rational()?])
+}
+
 impl Branch {
-    /// The relations at closed states, of which the first is home; `None` where a constant of one is not recognised.
+    /// The constants of the relations in rad.
+    pub(super) fn radians(&self) -> impl Iterator<Item = &RBig> {
+        self.forms.iter().flatten().map(|form| &form.radians)
+    }
+
+    /// The relations at closed states, of which the first is home; `None` if factors are fractions of large numbers.
     ///
     /// - `with_relations`: all of them; otherwise every angle is free.
     pub(super) fn new(model: &Model, states: &[ClosedState], with_relations: bool) -> Option<Self> {
@@ -74,16 +93,19 @@ impl Branch {
         };
         let home = states.first()?.q.clone();
         let mut forms: Vec<Option<AngleForm>> = vec![None; model.coordinates.len()];
+        // a factor that is no fraction says nothing about frames, nor does a constant that is not recognised
         let mut dependent = Vec::new();
         for relation in found {
             let factors = relation.terms.iter();
             let factors = factors.map(|(c, x)| Some((*c, recognise(x)?.as_rational()?)));
-            // a factor that is no fraction says nothing about frames
-            if let Some(factors) = factors.collect::<Option<Vec<(usize, RBig)>>>() {
-                dependent.push((relation.column, factors));
+            let Some(factors) = factors.collect::<Option<Vec<(usize, RBig)>>>() else {
+                continue;
+            };
+            if let Some([pi, radians]) = constant_of(&home, relation.column, &factors) {
+                dependent.push((relation.column, factors, pi, radians));
             }
         }
-        let is_free = |c: &usize| dependent.iter().all(|(column, _)| column != c);
+        let is_free = |c: &usize| dependent.iter().all(|(column, ..)| column != c);
         let free: Vec<usize> = turning.iter().copied().filter(is_free).collect();
         let mut parts = vec![1; free.len()];
         for (place, coordinate) in free.iter().enumerate() {
@@ -92,23 +114,15 @@ impl Branch {
                 ..AngleForm::default()
             });
         }
-        for (column, factors) in &dependent {
-            let mut constant = *home.get(*column)?;
-            let mut form = AngleForm::default();
+        for (column, factors, pi, radians) in dependent {
+            let mut terms = Vec::new();
             for (coordinate, factor) in factors {
-                let place = free.iter().position(|c| c == coordinate)?;
+                let place = free.iter().position(|c| *c == coordinate)?;
                 let part = parts.get_mut(place)?;
                 *part = common_multiple(*part, i64::try_from(factor.denominator().clone()).ok()?)?;
-                let number = Number::from_rational(factor.clone());
-                constant = constant - Float320::from_number(&number) * *home.get(*coordinate)?;
-                form.terms.push((place, factor.clone()));
+                terms.push((place, factor));
             }
-            let of_pi = constant.checked_div(Float320::from_number(&Number::pi()))?;
-            match recognise(&of_pi).and_then(|x| x.as_rational()) {
-                Some(multiple) => form.pi = multiple,
-                None => form.radians = recognise(&constant)?.as_rational()?,
-            }
-            *forms.get_mut(*column)? = Some(form);
+            *forms.get_mut(column)? = Some(AngleForm { terms, pi, radians });
         }
         let mut proportional: Vec<Option<(usize, RBig)>> = vec![None; model.coordinates.len()];
         let mut leaders: Vec<usize> = Vec::new();
@@ -154,15 +168,42 @@ impl Branch {
         number.abs().as_rational()
     }
 
-    /// The sum of the powers of free angles in all coordinates' `exp(i angle)`.
-    pub(super) fn exponents(&self) -> f64 {
+    /// The sum of the powers of free angles, and of the part of 1 rad, in all coordinates' `exp(i angle)`.
+    pub(super) fn exponents(&self, parts_of_radian: f64) -> f64 {
         let forms = self.forms.iter().flatten();
         let terms = forms.flat_map(|form| &form.terms);
         let exponents = terms.map(|(place, factor)| {
             let part = self.parts.get(*place).copied().unwrap_or(1) as f64;
             part * factor.to_f64().value().abs()
         });
-        exponents.sum()
+        let radians = self.radians().map(|x| x.to_f64().value().abs());
+        exponents.sum::<f64>() + parts_of_radian * radians.sum::<f64>()
+    }
+
+    /// Whether each coupling between angles holds for all free angles.
+    pub(super) fn satisfies_couplings<const P: u64>(
+        &self,
+        model: &Model,
+        closure: &Closure<Residue<P>>,
+    ) -> bool {
+        let cuts = closure.jacobian.len().saturating_sub(model.couplings.len());
+        let rows = closure.jacobian.iter().skip(cuts).zip(&model.couplings);
+        let mut turning =
+            rows.filter(|(_, form)| !model.drives.contains(&form.key) && !model.slides(form.key));
+        turning.all(|(row, _)| self.on_free(row).iter().all(|x| x.is_zero()))
+    }
+
+    /// A row of derivatives by all coordinates as one by the free angles.
+    fn on_free<S: Scalar + FromFraction>(&self, row: &[S]) -> Vec<S> {
+        let mut entries = vec![S::ZERO; self.free.len()];
+        for (form, x) in self.forms.iter().zip(row) {
+            for (place, factor) in form.iter().flat_map(|form| &form.terms) {
+                if let Some(own) = entries.get_mut(*place) {
+                    *own = *own + S::from_fraction(factor) * *x;
+                }
+            }
+        }
+        entries
     }
 
     /// Sine and cosine of each coordinate, with random free angles.
@@ -193,14 +234,7 @@ impl Branch {
         let rows = closure.jacobian.iter().zip(&closure.is_length);
         let rows = rows.filter(|(_, is_length)| **is_length);
         let of_row = |(row, _): (&Vec<S>, &bool)| {
-            let mut entries = vec![S::ZERO; self.free.len()];
-            for (form, x) in self.forms.iter().zip(row) {
-                for (place, factor) in form.iter().flat_map(|form| &form.terms) {
-                    if let Some(own) = entries.get_mut(*place) {
-                        *own = *own + S::from_fraction(factor) * *x;
-                    }
-                }
-            }
+            let mut entries = self.on_free(row);
             let slides = self.slides.iter();
             entries.extend(slides.map(|c| row.get(*c).copied().unwrap_or(S::ZERO)));
             entries
@@ -235,6 +269,11 @@ impl Branch {
             closure(model, &Given, (&state, &all), Observer::World, number)
         };
         let closed = at_home(model, &|_| {})?;
+        // the mobility is that of the tangent space, and no more
+        let n = self.home.len();
+        if rank(closed.jacobian.clone()) + self.independent != n {
+            return None;
+        }
         let motion = rank(self.restricted(&closed));
         if self.free.len() + self.slides.len() != motion + self.independent {
             return None;

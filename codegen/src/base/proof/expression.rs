@@ -14,10 +14,18 @@ use crate::sym::Number;
 use super::mechanism::Values;
 use super::residue::{Constants, Residue};
 
-/// The numbers given for names are images of these parts of the named angles' `exp(i angle)`.
-const PARTS_OF_ANGLES: u64 = 5040;
-/// The same for angles that are numbers in rad, which are multiples of this part.
-const PARTS_OF_RADIANS: u64 = 1_000_000_000_000;
+/// The largest number of parts of an angle.
+const MAX_PARTS: u64 = 1_000_000;
+/// The largest size of a name's expression with those of other names put in.
+const MAX_SIZE: u64 = 10_000;
+
+/// A named angle, and 1 rad, are so many equal parts: the numbers of a point are the `exp(i part)`, and all angles
+/// multiples of the parts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Parts {
+    named: u64,
+    radian: u64,
+}
 
 /// The names of the geometry, and what is free of them: equal values stay equal, as they are where factors are
 /// recognised.
@@ -28,8 +36,103 @@ pub(super) struct Names<'a> {
 }
 
 impl<'a> Names<'a> {
-    pub(super) fn new(spec: &'a Spec, groups: Vec<Group>) -> Self {
-        Names { spec, groups }
+    /// `None` if an expression is very long with those of other names put in.
+    pub(super) fn new(spec: &'a Spec, groups: Vec<Group>) -> Option<Self> {
+        let mut sizes: BTreeMap<&str, u64> = BTreeMap::new();
+        for (name, quantity) in &spec.geometry {
+            let size = size(&quantity.expr, &sizes);
+            if size > MAX_SIZE {
+                return None;
+            }
+            sizes.insert(&name.value, size);
+        }
+        Some(Names { spec, groups })
+    }
+
+    /// The parts of which all angles are multiples: those of placements, of the arguments of sines, of constants of
+    /// the branch and of factors; `None` if one is too small.
+    ///
+    /// - `turns`: angles of the spec;
+    /// - `constants`: in rad;
+    /// - `others`: expressions in which sines may occur.
+    pub(super) fn parts<'e>(
+        &self,
+        turns: impl Iterator<Item = &'e Expr>,
+        constants: impl Iterator<Item = &'e RBig>,
+        others: impl Iterator<Item = &'e Expr>,
+    ) -> Option<Parts> {
+        let mut angles = Vec::new();
+        for turn in turns {
+            angles.push(Angle::read(self, turn)?);
+        }
+        for expr in others {
+            self.arguments(expr, &mut angles)?;
+        }
+        for (_, quantity) in &self.spec.geometry {
+            self.arguments(&quantity.expr, &mut angles)?;
+        }
+        let of_groups = angles.iter().flat_map(|angle| angle.groups.values());
+        let of_radians = angles.iter().map(|angle| angle.radians.clone());
+        Some(Parts {
+            named: common_parts(of_groups.cloned())?,
+            radian: common_parts(of_radians.chain(constants.cloned()))?,
+        })
+    }
+
+    /// Adds the arguments of the sines of an expression.
+    fn arguments(&self, expr: &Expr, found: &mut Vec<Angle>) -> Option<()> {
+        match expr {
+            Expr::Number(_) | Expr::Pi | Expr::Name(_) => {}
+            Expr::Call(Function::Sin | Function::Cos | Function::Tan, a) => {
+                found.push(Angle::read(self, a)?);
+            }
+            Expr::Neg(a) | Expr::Call(_, a) => self.arguments(a, found)?,
+            Expr::Add(a, b)
+            | Expr::Sub(a, b)
+            | Expr::Mul(a, b)
+            | Expr::Div(a, b)
+            | Expr::Pow(a, b) => {
+                self.arguments(a, found)?;
+                self.arguments(b, found)?;
+            }
+        }
+        Some(())
+    }
+
+    /// A bound on the degrees of numerator and denominator of an expression in the numbers of a point.
+    pub(super) fn degree(&self, expr: &Expr, parts: Parts) -> f64 {
+        let of = |e: &Expr| self.degree(e, parts);
+        match expr {
+            Expr::Number(number) => {
+                let terms = number.exact_terms().unwrap_or_default();
+                let powers = terms.iter().map(|(_, _, power)| f64::from(power.abs()));
+                powers.sum()
+            }
+            Expr::Pi => 1.0,
+            Expr::Name(name) => match (self.group(name), self.quantity(name)) {
+                (None, Some(quantity)) => of(&quantity.expr),
+                _ => 1.0,
+            },
+            Expr::Neg(a) => of(a),
+            Expr::Add(a, b) | Expr::Sub(a, b) | Expr::Mul(a, b) | Expr::Div(a, b) => of(a) + of(b),
+            Expr::Pow(a, b) => {
+                let power = value(b, &[]).map_or(1.0, |power| power.to_f64().abs());
+                of(a) * power.max(1.0)
+            }
+            Expr::Call(Function::Sin | Function::Cos | Function::Tan, a) => {
+                4.0 * self.degree_of_angle(a, parts)
+            }
+            Expr::Call(_, a) => of(a),
+        }
+    }
+
+    /// The sum of the powers of a point's numbers in the `exp(i angle)` of an angle.
+    pub(super) fn degree_of_angle(&self, angle: &Expr, parts: Parts) -> f64 {
+        Angle::read(self, angle).map_or(f64::INFINITY, |angle| {
+            let size = |x: &RBig| x.to_f64().value().abs();
+            let groups = angle.groups.values().map(size).sum::<f64>();
+            groups * parts.named as f64 + size(&angle.radians) * parts.radian as f64
+        })
     }
 
     fn quantity(&self, name: &str) -> Option<&'a Quantity> {
@@ -101,6 +204,13 @@ struct Angle {
     pi: RBig,
     radians: RBig,
     groups: BTreeMap<usize, RBig>,
+}
+
+impl Parts {
+    /// The parts of 1 rad.
+    pub(super) fn radian(self) -> f64 {
+        self.radian as f64
+    }
 }
 
 impl Angle {
@@ -195,16 +305,17 @@ impl Angle {
 pub(super) struct Point<'a, const P: u64> {
     pub(super) names: &'a Names<'a>,
     pub(super) constants: Constants<P>,
-    /// For each group of names its length, or `exp(i angle)` of a part of its angle.
+    /// For each group of names its length, or the `exp(i part)` of its angle.
     pub(super) values: Vec<Residue<P>>,
-    /// `exp(i angle)` of a part of 1 rad.
+    /// The `exp(i part)` of 1 rad.
     pub(super) radian: Residue<P>,
+    pub(super) parts: Parts,
 }
 
 impl<const P: u64> Point<'_, P> {
     /// The image of `exp(i angle)` of an angle that is these multiples of pi and of 1 rad.
     pub(super) fn unit(&self, pi: &RBig, radians: &RBig) -> Option<Residue<P>> {
-        let parts = whole(radians, PARTS_OF_RADIANS)?;
+        let parts = whole(radians, self.parts.radian)?;
         Some(self.constants.turned(pi)? * self.radian.signed_power(parts))
     }
 
@@ -213,17 +324,12 @@ impl<const P: u64> Point<'_, P> {
         let mut unit = self.unit(&angle.pi, &angle.radians)?;
         for (group, factor) in &angle.groups {
             let part = self.values.get(*group)?;
-            unit = unit * part.signed_power(whole(factor, PARTS_OF_ANGLES)?);
+            unit = unit * part.signed_power(whole(factor, self.parts.named)?);
         }
         self.constants.sin_cos(unit)
     }
 
-    /// The value of a factor of a direction.
-    pub(super) fn coefficient(&self, coefficient: &Coefficient) -> Option<Residue<P>> {
-        self.value(&expression(coefficient)?)
-    }
-
-    fn value(&self, expr: &Expr) -> Option<Residue<P>> {
+    pub(super) fn value(&self, expr: &Expr) -> Option<Residue<P>> {
         Some(match expr {
             Expr::Number(number) => self.constants.number(number)?,
             Expr::Pi => self.constants.number(&Number::pi())?,
@@ -299,8 +405,38 @@ fn whole(fraction: &RBig, parts: u64) -> Option<i64> {
     i64::try_from(product).ok()
 }
 
+/// The least number of parts of which all fractions are multiples; `None` if it is large.
+fn common_parts(fractions: impl Iterator<Item = RBig>) -> Option<u64> {
+    let mut parts = 1_u64;
+    for fraction in fractions {
+        let other = u64::try_from(fraction.denominator().clone()).ok()?;
+        let (mut x, mut y) = (parts, other);
+        while y != 0 {
+            (x, y) = (y, x % y);
+        }
+        parts = (parts / x)
+            .checked_mul(other)
+            .filter(|parts| *parts <= MAX_PARTS)?;
+    }
+    Some(parts)
+}
+
+/// The number of parts of an expression with those of names put in.
+fn size(expr: &Expr, sizes: &BTreeMap<&str, u64>) -> u64 {
+    let of = |e: &Expr| size(e, sizes);
+    let within = match expr {
+        Expr::Number(_) | Expr::Pi => 0,
+        Expr::Name(name) => sizes.get(name.as_str()).copied().unwrap_or(0),
+        Expr::Neg(a) | Expr::Call(_, a) => of(a),
+        Expr::Add(a, b) | Expr::Sub(a, b) | Expr::Mul(a, b) | Expr::Div(a, b) | Expr::Pow(a, b) => {
+            of(a).saturating_add(of(b))
+        }
+    };
+    within.saturating_add(1)
+}
+
 /// A factor as an expression of the spec's language.
-fn expression(coefficient: &Coefficient) -> Option<Expr> {
+pub(super) fn expression(coefficient: &Coefficient) -> Option<Expr> {
     let boxed = |c: &Coefficient| expression(c).map(Box::new);
     Some(match coefficient {
         Coefficient::Number(digits) => Expr::Number(Number::parse_decimal(digits)?),

@@ -9,8 +9,8 @@
 //!    ground, so that random angles and the solution of linear equations give random points, on an irreducible
 //!    variety of mechanisms with all values of the names.
 //! 3. *The test.* A polynomial that is not zero on it is zero at a random point modulo P with a probability of
-//!    at most its degree over P (Schwartz, 1980; Zippel, 1979). The energies of a direction at enough points
-//!    leave a chance below 2^-128.
+//!    at most its degree over P (Schwartz, 1980; Zippel, 1979). The energies of a direction at enough points modulo
+//!    three primes leave a chance below 2^-128, as if points and primes were drawn for it.
 
 mod branch;
 mod expression;
@@ -22,24 +22,30 @@ use std::collections::BTreeMap;
 
 use crate::base::Coefficient;
 use crate::base::certificate::{closed_states, polar};
-use crate::base::geometry::angle_names;
+use crate::base::geometry::{angle_names, mentions_names};
 use crate::base::null_completion::scaled_geometry::groups;
 use crate::model::{FrictionColumn, Model, ParameterKind, Step};
-use crate::spec::{Quantity, Spec};
+use crate::spec::{Expr, Quantity, Spec};
 
 use branch::Branch;
-use expression::{Names, Point};
+use expression::{Names, Parts, Point, expression};
 use linear::{kernel, rank, solve};
 use mechanism::{Closure, Observer, Scalar, State, closure, dot, ground_frames, links};
 use residue::{Constants, Residue};
 
 /// Primes that are 1 modulo [`residue::TURN`]: one has no square root of some primes, which others have.
-const PRIMES: [u64; 4] = [
+const PRIMES: [u64; 8] = [
     2_305_843_008_749_280_001,
     2_305_842_974_154_720_001,
     2_305_842_956_857_440_001,
     2_305_842_904_965_600_001,
+    2_305_842_866_046_720_001,
+    2_305_842_848_749_440_001,
+    2_305_842_814_154_880_001,
+    2_305_842_749_290_080_001,
 ];
+/// Points are taken modulo so many of these: what is not zero, but divisible by one, is not by the others.
+const NEEDED_PRIMES: usize = 3;
 /// The chance that a false direction passes is below two to minus this number.
 const SURE_BITS: f64 = 128.0;
 /// So many random choices are made for one point; few fail.
@@ -61,23 +67,48 @@ pub(super) fn proven(
         return none;
     };
     let angles = angle_names(spec, model);
-    let names = Names::new(spec, groups(spec, &angles));
-    let nonlinear: Vec<usize> = names.nonlinear(&lengths(model)).into_iter().collect();
+    let couplings = spec.couplings.iter().flat_map(|(_, form)| {
+        let factors = form.terms.iter().map(|(_, factor)| factor);
+        factors.chain([&form.constant])
+    });
+    let has_names = couplings.map(|part| &part.expr).any(mentions_names);
+    let (false, Some(names)) = (has_names, Names::new(spec, groups(spec, &angles))) else {
+        // the model has the numbers of couplings only
+        return none;
+    };
+    let lengths: Vec<&Quantity> = steps(model)
+        .filter_map(|step| match step {
+            Step::Translate(_, length) => Some(length),
+            Step::Rotate(..) => None,
+        })
+        .collect();
+    let nonlinear: Vec<usize> = names.nonlinear(&lengths).into_iter().collect();
+    let read = |(column, factor): &(usize, Coefficient)| Some((*column, expression(factor)?));
+    let factors = directions
+        .iter()
+        .map(|direction| direction.iter().map(read).collect());
+    let Some(factors) = factors.collect::<Option<Vec<Factors>>>() else {
+        return none;
+    };
     let attempt = |with_relations: bool| -> Option<Vec<bool>> {
         let branch = Branch::new(model, &states, with_relations)?;
         let ranks = branch.ranks_at_home(spec, model, (&names, &nonlinear))?;
+        let turns = steps(model).filter_map(|step| match step {
+            Step::Rotate(_, angle) => Some(&angle.expr),
+            Step::Translate(..) => None,
+        });
+        let others = lengths.iter().map(|length| &length.expr);
+        let others = others.chain(factors.iter().flatten().map(|(_, factor)| factor));
+        let parts = names.parts(turns, branch.radians(), others)?;
         let problem = Problem {
             model,
             names: &names,
             nonlinear: &nonlinear,
             branch: &branch,
             ranks,
+            parts,
         };
-        problem
-            .attempt::<{ PRIMES[0] }>(directions)
-            .or_else(|| problem.attempt::<{ PRIMES[1] }>(directions))
-            .or_else(|| problem.attempt::<{ PRIMES[2] }>(directions))
-            .or_else(|| problem.attempt::<{ PRIMES[3] }>(directions))
+        problem.tested(&factors)
     };
     let mut proven = attempt(true).unwrap_or_else(|| none.clone());
     // with relations that other equations imply, these have another rank on the branch than elsewhere
@@ -90,18 +121,16 @@ pub(super) fn proven(
     proven
 }
 
-/// The lengths on which closure equations depend.
-fn lengths(model: &Model) -> Vec<&Quantity> {
+/// The columns of a direction with their factors.
+type Factors = Vec<(usize, Expr)>;
+
+/// The steps of all placements on which closure equations depend.
+fn steps(model: &Model) -> impl Iterator<Item = &Step> {
     let sides = model.cuts.iter().flat_map(|cut| &cut.sides);
     let placements = model.links.iter().map(|link| &link.placement);
-    let steps = placements
+    placements
         .chain(sides.map(|side| &side.placement))
-        .flatten();
-    let lengths = steps.filter_map(|step| match step {
-        Step::Translate(_, length) => Some(length),
-        Step::Rotate(..) => None,
-    });
-    lengths.collect()
+        .flatten()
 }
 
 /// Ranks by which a point is known to be one of the family.
@@ -120,6 +149,7 @@ struct Problem<'a> {
     nonlinear: &'a [usize],
     branch: &'a Branch,
     ranks: Ranks,
+    parts: Parts,
 }
 
 /// What lengths are linear in.
@@ -154,15 +184,36 @@ struct Sample<'a, const P: u64> {
 }
 
 impl Problem<'_> {
-    /// Tests all directions modulo P; `None` if no points are found.
-    fn attempt<const P: u64>(&self, directions: &[Vec<(usize, Coefficient)>]) -> Option<Vec<bool>> {
-        let mut random = Random(P);
-        let bits = (P.ilog2() as f64) - libm::log2(self.degree(directions));
-        if bits < 1.0 {
+    /// Tests all directions modulo several primes; `None` if too few have points.
+    fn tested(&self, directions: &[Factors]) -> Option<Vec<bool>> {
+        let bits = f64::from(PRIMES[0].ilog2()) - libm::log2(self.degree(directions));
+        if bits.is_nan() || bits < 1.0 {
             return None;
         }
         #[allow(clippy::cast_sign_loss, reason = "both are positive")]
-        let count = libm::ceil(SURE_BITS / bits) as usize;
+        let all = libm::ceil(SURE_BITS / bits) as usize;
+        let count = all.div_ceil(NEEDED_PRIMES);
+        let attempts: [fn(&Self, &[Factors], usize) -> Option<Vec<bool>>; PRIMES.len()] = [
+            Self::attempt::<{ PRIMES[0] }>,
+            Self::attempt::<{ PRIMES[1] }>,
+            Self::attempt::<{ PRIMES[2] }>,
+            Self::attempt::<{ PRIMES[3] }>,
+            Self::attempt::<{ PRIMES[4] }>,
+            Self::attempt::<{ PRIMES[5] }>,
+            Self::attempt::<{ PRIMES[6] }>,
+            Self::attempt::<{ PRIMES[7] }>,
+        ];
+        let found = attempts
+            .iter()
+            .filter_map(|attempt| attempt(self, directions, count));
+        let found: Vec<Vec<bool>> = found.take(NEEDED_PRIMES).collect();
+        let everywhere = |k: usize| found.iter().all(|own| own.get(k) == Some(&true));
+        (found.len() == NEEDED_PRIMES).then(|| (0..directions.len()).map(everywhere).collect())
+    }
+
+    /// Tests all directions at so many points modulo P; `None` if no points are found.
+    fn attempt<const P: u64>(&self, directions: &[Factors], count: usize) -> Option<Vec<bool>> {
+        let mut random = Random(P);
         let mut proven = vec![true; directions.len()];
         for _ in 0..count {
             let mut trials = (0..MAX_TRIALS).filter_map(|_| self.sample::<P>(&mut random));
@@ -177,29 +228,26 @@ impl Problem<'_> {
 
     /// An upper bound on the degree of the energies of a direction, times their denominators, as polynomials in
     /// the random numbers.
-    fn degree(&self, directions: &[Vec<(usize, Coefficient)>]) -> f64 {
-        let steps = |placement: &[Step]| placement.len() as f64;
-        let sides = self.model.cuts.iter().flat_map(|cut| &cut.sides);
-        let constant = self
-            .model
-            .links
-            .iter()
-            .map(|l| steps(&l.placement))
-            .sum::<f64>()
-            + sides.map(|s| steps(&s.placement)).sum::<f64>();
-        // the entries of rotations, of both sides of a cut
-        let angles = 4.0 * (self.branch.exponents() + PARTS_OF_PLACEMENTS * constant);
-        let rows = self.model.rows() as f64;
+    fn degree(&self, directions: &[Factors]) -> f64 {
+        let (names, parts) = (self.names, self.parts);
+        // rotations have sines and cosines, each a quotient of two powers
+        let constant = steps(self.model).map(|step| match step {
+            Step::Rotate(_, angle) => 2.0 * names.degree_of_angle(&angle.expr, parts),
+            Step::Translate(_, length) => names.degree(&length.expr, parts),
+        });
+        let turns = 2.0 * self.branch.exponents(parts.radian());
+        // rows are products of both sides
+        let entry = 2.0 * (constant.sum::<f64>() + turns) + 2.0;
         // by Cramer's rule, lengths and then rates are quotients of determinants
-        let lengths = (rows + 1.0) * (angles + 16.0);
-        let entry = angles + lengths;
-        let rates = (self.model.coordinates.len() as f64 + 1.0) * entry;
-        let of_direction = |direction: &Vec<(usize, Coefficient)>| {
-            let sizes = direction.iter().map(|(_, c)| c.to_string().len() as f64);
-            sizes.sum::<f64>() * (lengths + PARTS_OF_PLACEMENTS)
+        let rows = self.model.rows() as f64;
+        let lengths = (rows + 1.0) * entry;
+        let rates = (self.model.coordinates.len() as f64 + 1.0) * (entry + lengths);
+        let of_direction = |direction: &Factors| {
+            let degrees = direction.iter().map(|(_, c)| names.degree(c, parts));
+            degrees.sum::<f64>() * lengths
         };
         let factors = directions.iter().map(of_direction).fold(0.0, f64::max);
-        2.0 * (rates + entry) * self.model.bodies.len().max(1) as f64 + factors
+        2.0 * (rates + entry + lengths) + factors
     }
 
     /// A random state of the family, of the mechanism with random values of the names; `None` where the random
@@ -211,6 +259,7 @@ impl Problem<'_> {
             constants: Constants::new(random.next())?,
             values: (0..count).map(|_| random.next()).collect(),
             radian: random.next(),
+            parts: self.parts,
         };
         let n = self.model.coordinates.len();
         let turns = self.branch.turns(&point, || random.next())?;
@@ -229,6 +278,10 @@ impl Problem<'_> {
             free.is_some_and(|free| rank(self.branch.restricted(&free)) == self.ranks.motion)
         };
         if !has_rank(Observer::World) && !has_rank(Observer::Carrier) {
+            return None;
+        }
+        let any = self.closure(&point, &state, Observer::World)?;
+        if !self.branch.satisfies_couplings(self.model, &any) {
             return None;
         }
         // the linear equations of the lengths
@@ -384,9 +437,6 @@ impl Problem<'_> {
     }
 }
 
-/// A bound on the powers of a name's number in the entries of a placement's step.
-const PARTS_OF_PLACEMENTS: f64 = 5040.0;
-
 /// A sum over the parameters of a null direction that is zero by itself: of other degree in the velocities, or of
 /// other sign where they are reversed, than the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -405,11 +455,11 @@ enum Sum {
 fn is_null<const P: u64>(
     point: &Point<'_, P>,
     energies: &[Option<Vec<(Sum, Residue<P>)>>],
-    direction: &[(usize, Coefficient)],
+    direction: &[(usize, Expr)],
 ) -> Option<bool> {
     let mut sums: BTreeMap<Sum, Residue<P>> = BTreeMap::new();
-    for (column, coefficient) in direction {
-        let factor = point.coefficient(coefficient)?;
+    for (column, factor) in direction {
+        let factor = point.value(factor)?;
         for (sum, energy) in energies.get(*column)?.as_ref()? {
             let own = sums.entry(*sum).or_insert(Residue::ZERO);
             *own = *own + factor * *energy;

@@ -231,7 +231,7 @@ fn reduced<const P: u64>(value: &UBig) -> Residue<P> {
 }
 
 /// The largest prime whose root is taken.
-const MAX_PRIME: u64 = 1 << 20;
+const MAX_PRIME: u64 = 1 << 12;
 
 /// The prime factors of a number, each with its power; `None` if one is too large to be found soon.
 fn prime_factors(number: u128) -> Option<Vec<(u64, u64)>> {
