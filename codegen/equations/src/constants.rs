@@ -94,7 +94,14 @@ mod tests {
         assert_eq!(form(3.0_f64.sqrt() / 2.0), is(1.0, root(3), 2));
         assert_eq!(form(2.0 / 3.0), is(2.0, Irrational::None, 3));
         assert_eq!(form(9.81 * 2.0_f64.sqrt() / 2.0), is(9.81, root(2), 2));
-        for other in [0.25, 0.3, 9.81, 0.4563, 1.23456789, 0.564_642_473_395_035_4] {
+        for other in [
+            0.25,
+            0.3,
+            9.81,
+            0.4563,
+            1.234_567_89,
+            0.564_642_473_395_035_4,
+        ] {
             assert_eq!(form(other), None, "{other}");
         }
     }

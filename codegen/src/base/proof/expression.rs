@@ -113,7 +113,6 @@ impl<'a> Names<'a> {
                 (None, Some(quantity)) => of(&quantity.expr),
                 _ => 1.0,
             },
-            Expr::Neg(a) => of(a),
             Expr::Add(a, b) | Expr::Sub(a, b) | Expr::Mul(a, b) | Expr::Div(a, b) => of(a) + of(b),
             Expr::Pow(a, b) => {
                 let power = value(b, &[]).map_or(1.0, |power| power.to_f64().abs());
@@ -122,7 +121,7 @@ impl<'a> Names<'a> {
             Expr::Call(Function::Sin | Function::Cos | Function::Tan, a) => {
                 4.0 * self.degree_of_angle(a, parts)
             }
-            Expr::Call(_, a) => of(a),
+            Expr::Neg(a) | Expr::Call(_, a) => of(a),
         }
     }
 
@@ -168,10 +167,8 @@ impl<'a> Names<'a> {
         match expr {
             Expr::Number(_) | Expr::Pi => {}
             Expr::Name(name) => match (self.group(name), self.quantity(name)) {
-                (Some((place, _)), _) => {
-                    if all {
-                        found.insert(place);
-                    }
+                (Some((place, _)), _) if all => {
+                    found.insert(place);
                 }
                 (None, Some(quantity)) if mentions_names(&quantity.expr) => {
                     self.note_nonlinear(&quantity.expr, all, found);
@@ -333,14 +330,13 @@ impl<const P: u64> Point<'_, P> {
         Some(match expr {
             Expr::Number(number) => self.constants.number(number)?,
             Expr::Pi => self.constants.number(&Number::pi())?,
-            Expr::Name(name) => match self.names.group(name) {
-                Some((group, negative)) => {
+            Expr::Name(name) => {
+                if let Some((group, negative)) = self.names.group(name) {
                     // the number given for an angle is no image of the angle itself
                     let is_length = !self.names.groups.get(group)?.is_angle;
                     let length = self.values.get(group).filter(|_| is_length)?;
                     if negative { -*length } else { *length }
-                }
-                None => {
+                } else {
                     let quantity = self.names.quantity(name)?;
                     if mentions_names(&quantity.expr) {
                         self.value(&quantity.expr)?
@@ -348,7 +344,7 @@ impl<const P: u64> Point<'_, P> {
                         self.constants.number(&quantity.value)?
                     }
                 }
-            },
+            }
             Expr::Neg(a) => -self.value(a)?,
             Expr::Add(a, b) => self.value(a)? + self.value(b)?,
             Expr::Sub(a, b) => self.value(a)? - self.value(b)?,

@@ -216,17 +216,14 @@ pub(super) fn closure<S: Scalar>(
     let on_links = model.links.iter().filter(|link| link.parent.is_none());
     let mut shifts = state.shifts.iter().skip(on_links.count());
     let mut side = |side: &Side| -> Option<(Frame<S>, &[Joint<S>])> {
-        match side.link {
-            Some(link) => {
-                let link = links.get(link)?;
-                let frame = link.frame.placed(&side.placement, values)?;
-                Some((frame, &link.joints))
-            }
-            None => {
-                let mut frame = Frame::world().placed(&side.placement, values)?;
-                frame.origin = sum(&frame.origin, shifts.next()?);
-                Some((frame, &[]))
-            }
+        if let Some(link) = side.link {
+            let link = links.get(link)?;
+            let frame = link.frame.placed(&side.placement, values)?;
+            Some((frame, &link.joints))
+        } else {
+            let mut frame = Frame::world().placed(&side.placement, values)?;
+            frame.origin = sum(&frame.origin, shifts.next()?);
+            Some((frame, &[]))
         }
     };
     let n = model.coordinates.len();

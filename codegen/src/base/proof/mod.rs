@@ -124,6 +124,13 @@ pub(super) fn proven(
 /// The columns of a direction with their factors.
 type Factors = Vec<(usize, Expr)>;
 
+/// A test of directions at so many points modulo a prime.
+type Attempt<'a> = fn(&Problem<'a>, &[Factors], usize) -> Option<Vec<bool>>;
+
+/// What a parameter has in each sum that vanishes by itself; `None` of springs and effort terms, of which nothing is
+/// proven.
+type Energies<const P: u64> = Option<Vec<(Sum, Residue<P>)>>;
+
 /// The steps of all placements on which closure equations depend.
 fn steps(model: &Model) -> impl Iterator<Item = &Step> {
     let sides = model.cuts.iter().flat_map(|cut| &cut.sides);
@@ -193,7 +200,7 @@ impl Problem<'_> {
         #[allow(clippy::cast_sign_loss, reason = "both are positive")]
         let all = libm::ceil(SURE_BITS / bits) as usize;
         let count = all.div_ceil(NEEDED_PRIMES);
-        let attempts: [fn(&Self, &[Factors], usize) -> Option<Vec<bool>>; PRIMES.len()] = [
+        let attempts: [Attempt<'_>; PRIMES.len()] = [
             Self::attempt::<{ PRIMES[0] }>,
             Self::attempt::<{ PRIMES[1] }>,
             Self::attempt::<{ PRIMES[2] }>,
@@ -363,12 +370,8 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// What each parameter's column has in each sum that vanishes by itself; `None` of springs and effort terms,
-    /// of which nothing is proven.
-    fn energies<const P: u64>(
-        &self,
-        sample: &Sample<'_, P>,
-    ) -> Option<Vec<Option<Vec<(Sum, Residue<P>)>>>> {
+    /// The energies of each parameter at a sample.
+    fn energies<const P: u64>(&self, sample: &Sample<'_, P>) -> Option<Vec<Energies<P>>> {
         let all = links(self.model, &sample.point, &sample.state)?;
         let mut gravity = [Residue::ZERO; 3];
         for (own, quantity) in gravity.iter_mut().zip(&self.model.gravity) {
@@ -454,7 +457,7 @@ enum Sum {
 /// Whether all sums of a direction are zero; `None` where one of its factors has no value.
 fn is_null<const P: u64>(
     point: &Point<'_, P>,
-    energies: &[Option<Vec<(Sum, Residue<P>)>>],
+    energies: &[Energies<P>],
     direction: &[(usize, Expr)],
 ) -> Option<bool> {
     let mut sums: BTreeMap<Sum, Residue<P>> = BTreeMap::new();
