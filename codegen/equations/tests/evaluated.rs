@@ -53,6 +53,9 @@ fn sympy_evaluates_to_what_is_computed() {
         ("fivebar.yaml", EquationSet::Dynamics, Parameters::Base),
         ("fivebar.yaml", EquationSet::X, Parameters::All),
         ("slider_crank.yaml", EquationSet::Jacobian, Parameters::All),
+        // names that follow from others, and a coupling
+        ("3rrr.yaml", EquationSet::Closure, Parameters::All),
+        ("palletiser.yaml", EquationSet::Dynamics, Parameters::Base),
     ] {
         let [kind] = kinds(of, parameters);
         let robot = robot(file, kind);

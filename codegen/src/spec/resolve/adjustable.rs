@@ -23,12 +23,19 @@ enum Dependence {
 /// Reports names that are unknown, repeated or no numbers, and uses of them for which functions have no
 /// arguments.
 pub(super) fn check(spec: &Spec, sink: &mut Sink) {
+    for fault in faults(spec) {
+        sink.push(fault);
+    }
+}
+
+fn faults(spec: &Spec) -> Vec<Diagnostic> {
+    let mut found = Vec::new();
     if spec.adjustable.is_empty() {
-        return;
+        return found;
     }
     for (index, name) in spec.adjustable.iter().enumerate() {
         if let Some(fault) = fault(spec, index, &name.value, name.span) {
-            sink.push(fault.path("adjustable"));
+            found.push(fault.path("adjustable"));
         }
     }
     let mut names: BTreeMap<&str, Dependence> = BTreeMap::new();
@@ -44,7 +51,7 @@ pub(super) fn check(spec: &Spec, sink: &mut Sink) {
     let mut all = spec.clone();
     for quantity in all.quantities_mut() {
         if dependence(&quantity.expr, &names) == Dependence::Power {
-            sink.push(
+            found.push(
                 Diagnostic::new(quantity.span, "a power of an adjustable name")
                     .hint("its exponent must be a whole number from 0 to 16"),
             );
@@ -52,7 +59,7 @@ pub(super) fn check(spec: &Spec, sink: &mut Sink) {
     }
     for quantity in angles(spec) {
         if dependence(&quantity.expr, &names) == Dependence::Other {
-            sink.push(
+            found.push(
                 Diagnostic::new(
                     quantity.span,
                     "an angle that is not linear in an adjustable name",
@@ -65,12 +72,13 @@ pub(super) fn check(spec: &Spec, sink: &mut Sink) {
         let factors = form.terms.iter().map(|(_, factor)| factor);
         let mut parts = factors.chain([&form.constant]);
         if parts.any(|part| dependence(&part.expr, &names) != Dependence::None) {
-            sink.push(
+            found.push(
                 Diagnostic::new(form.span, "a coupling depends on an adjustable name")
                     .hint("the factors of couplings and drives are constants in generated sources"),
             );
         }
     }
+    found
 }
 
 /// The names of the geometry that functions can take as arguments together: numbers other than 0, and no angles
@@ -82,15 +90,14 @@ pub(crate) fn possible(spec: &Spec, is_angle: impl Fn(&str) -> bool) -> Vec<Span
     tried.adjustable.clear();
     for (name, quantity) in &spec.geometry {
         let value = &quantity.value;
-        let half_turns = value.pi_multiple().map(|own| own.clone() + own);
-        let is_special = half_turns.is_some_and(|own| own.is_int()) && is_angle(&name.value);
+        let quarter_turns = value.pi_multiple().map(|own| own.clone() + own);
+        let is_special = quarter_turns.is_some_and(|own| own.is_int()) && is_angle(&name.value);
         if value.is_zero() || is_special {
             continue;
         }
         tried.adjustable.push(name.clone());
-        let mut sink = Sink::new();
-        check(&tried, &mut sink);
-        if !sink.is_empty() {
+        // a name that follows from others is among the faults
+        if !faults(&tried).is_empty() {
             tried.adjustable.pop();
         }
     }
