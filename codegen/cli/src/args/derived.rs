@@ -80,9 +80,9 @@ pub(crate) enum TableFormat {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Each row is a kept parameter plus multiples of eliminated ones. `derived` rows
-are exact consequences of the spanning trees of the mechanism; `proven` rows were
-recognised in samples of many digits, and hold at exact random points for all
-values of the names; `completed` rows were recognised and verified only. The
+are exact consequences of the spanning trees of the mechanism; `proven` rows
+were recognised in samples of many digits, and hold at exact random points for
+all values of the names; `completed` rows were recognised and verified only. The
 certificate is the rank of such samples: if it differs from the number of rows,
 the table is headed INCOMPLETE and the exit code is 1.
 
