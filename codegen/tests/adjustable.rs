@@ -9,7 +9,7 @@ use regen_codegen::spec::{edit::with_geometry, parse};
 
 /// A planar loop with springs, a screw that carries a tool, and angles; one of its lengths follows from
 /// another.
-const TEXT: &str = include_str!("../../tests/fixtures/mechanisms/adjustable.yaml");
+const TEXT: &str = include_str!("../../tests/fixtures/adjustable/adjustable.yaml");
 
 const OTHER: [(&str, &str); 7] = [
     ("g0", "9.7"),

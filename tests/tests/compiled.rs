@@ -69,7 +69,7 @@ fn a_model_with_another_geometry_agrees_with_the_second_derivation_of_its_number
     use regen_robots::fixtures::adjustable::{Adjustable, GEOMETRY, Geometry};
 
     let mut geometry = Geometry::default();
-    let path = files::mechanisms().join("adjustable.yaml");
+    let path = files::fixtures().join("adjustable/adjustable.yaml");
     let mut text = std::fs::read_to_string(path).unwrap();
     // one in a hundred longer, the others shorter, the slope in degrees
     let mut change = |name: &str, value: &mut f64, to: f64| {

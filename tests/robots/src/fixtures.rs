@@ -2,7 +2,7 @@
 
 use regen_runtime::{Model, robot_model};
 
-robot_model!("../../fixtures/mechanisms/adjustable.yaml");
+robot_model!("../../fixtures/adjustable/adjustable.yaml");
 robot_model!("../../fixtures/mechanisms/delta.yaml");
 robot_model!("../../fixtures/mechanisms/differential_wrist.yaml");
 robot_model!("../../fixtures/mechanisms/fivebar_redundant.yaml");
@@ -42,7 +42,7 @@ robot_model!("../../fixtures/random/nasty/spinning_rod.yaml");
 /// All mechanisms with the paths of their files in `tests/fixtures`.
 pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
     (
-        "mechanisms/adjustable.yaml",
+        "adjustable/adjustable.yaml",
         &adjustable::Adjustable {
             geometry: adjustable::Geometry::STATED,
         },
