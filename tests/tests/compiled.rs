@@ -122,6 +122,7 @@ fn shipped_robots_agree_with_the_published_vectors() {
 #[test]
 fn every_spec_is_compiled() {
     let mut specs = files::list(&files::mechanisms(), "yaml").unwrap();
+    specs.extend(files::list(&files::fixtures().join("adjustable"), "yaml").unwrap());
     for folder in files::folders(&files::pairs()).unwrap() {
         specs.extend(files::list(&folder, "yaml").unwrap());
     }
