@@ -31,7 +31,7 @@ impl Irrational {
 
 /// The largest denominator.
 const MAX_DENOMINATOR: u32 = 24;
-/// The largest integer numerator.
+/// The largest numerator.
 const MAX_NUMERATOR: f64 = 99.0;
 /// A number of at most so many digits is left as it is.
 const SHORT: usize = 8;

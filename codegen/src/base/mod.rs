@@ -241,12 +241,6 @@ fn derive_with_completion(
             } else {
                 Provenance::Completed
             };
-            // a direction of one parameter has no factor, but may need the value of a name that was not varied
-            let exactness = if unvaried_names.is_empty() {
-                exactness
-            } else {
-                exactness.max(Exactness::AtThisGeometry)
-            };
             completed_exactness.push((provenance, exactness));
             direction.insert(columns + k, Element::one());
             null.push(direction);

@@ -2,7 +2,7 @@
 
 use core::fmt::Write as _;
 
-use crate::base::certificate::{ClosedState, Float320, relations};
+use crate::base::certificate::{ClosedState, Float320, rates, relations};
 use crate::base::{LinearForm, is_implied_by, recognise};
 use crate::model::Model;
 use crate::sym::Number;
@@ -21,13 +21,7 @@ pub(super) struct Relation {
 /// The linear relations among the coordinates: first those between two coordinates, then those
 /// among several.
 pub(super) fn linear_relations(model: &Model, states: &[ClosedState]) -> Vec<Relation> {
-    let rows: Vec<Vec<Float320>> = states
-        .iter()
-        .flat_map(|s| {
-            let width = s.j.first().map_or(0, Vec::len);
-            (0..width).map(|k| s.j.iter().map(|row| row[k]).collect())
-        })
-        .collect();
+    let rows = rates(states);
     let size = rows
         .iter()
         .flatten()

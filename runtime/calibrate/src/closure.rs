@@ -246,7 +246,7 @@ pub(crate) fn dependent_rates(
         return None;
     }
     if a.is_square() {
-        return eliminated(a, right.clone());
+        return solved(a, right.clone());
     }
     let qr = a.qr();
     let r = qr.r();
@@ -267,7 +267,7 @@ pub(crate) fn multipliers(
     }
     let right = left.transpose();
     if a.is_square() {
-        return Some(eliminated(a.transpose(), right)?.transpose());
+        return Some(solved(a.transpose(), right)?.transpose());
     }
     let qr = a.qr();
     let r = qr.r();
@@ -282,54 +282,9 @@ fn is_regular(factor: &DMatrix<f64>) -> bool {
     diagonal.iter().all(|d| d.abs() > SINGULAR * largest)
 }
 
-/// Solves a x = b by elimination with row pivots, in place: the matrices are small, many, and mostly zero,
-/// since few coordinates enter a loop.
-fn eliminated(mut a: DMatrix<f64>, mut b: DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let n = a.nrows();
-    if n == 0 {
-        return Some(b);
-    }
-    let mut factors = vec![0.0; n];
-    for k in 0..n {
-        let pivot = k + a.column(k).rows_range(k..).iamax();
-        if pivot != k {
-            a.swap_rows(k, pivot);
-            b.swap_rows(k, pivot);
-        }
-        let (done, rest) = a.as_mut_slice().split_at_mut((k + 1) * n);
-        let column = done.get(k * n..)?;
-        let head = *column.get(k)?;
-        if head == 0.0 || !head.is_finite() {
-            return None;
-        }
-        let factors = &mut factors[k + 1..];
-        for (factor, entry) in factors.iter_mut().zip(&column[k + 1..]) {
-            *factor = entry / head;
-        }
-        for column in rest
-            .chunks_exact_mut(n)
-            .chain(b.as_mut_slice().chunks_exact_mut(n))
-        {
-            let own = column[k];
-            if own != 0.0 {
-                for (entry, factor) in column[k + 1..].iter_mut().zip(&*factors) {
-                    *entry -= own * factor;
-                }
-            }
-        }
-    }
-    is_regular(&a).then_some(())?;
-    for k in (0..n).rev() {
-        let column = a.as_slice().get(k * n..(k + 1) * n)?;
-        for right in b.as_mut_slice().chunks_exact_mut(n) {
-            right[k] /= column[k];
-            let own = right[k];
-            if own != 0.0 {
-                for (entry, factor) in right[..k].iter_mut().zip(&column[..k]) {
-                    *entry -= own * factor;
-                }
-            }
-        }
-    }
-    Some(b)
+/// Solves a x = b; `None` if a is singular.
+fn solved(a: DMatrix<f64>, mut b: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let lu = a.lu();
+    is_regular(lu.lu_internal()).then_some(())?;
+    lu.solve_mut(&mut b).then_some(b)
 }

@@ -30,7 +30,11 @@ fn parts(page: &str) -> (Vec<&str>, Vec<&str>) {
     let mut block: Option<&str> = None;
     for line in page.lines() {
         match (line.strip_prefix("```"), block) {
-            (Some(word), None) => block = Some(word),
+            (Some(word), None) => {
+                // without a word rustdoc takes it for an example in Rust, and others do not
+                assert!(!word.is_empty(), "a block without its language");
+                block = Some(word);
+            }
             (Some(_), Some(_)) => block = None,
             (None, None) => text.push(line),
             (None, Some(word)) if word.starts_with("rust") => rust.push(line),

@@ -42,6 +42,16 @@ pub struct ClosedState {
     pub links: Vec<LinkMotion>,
 }
 
+/// The rates of all coordinates for the unit rate of each independent one, at each state: one row for each.
+pub fn rates(states: &[ClosedState]) -> Vec<Vec<Float320>> {
+    let of_state = |state: &ClosedState| -> Vec<Vec<Float320>> {
+        let width = state.j.first().map_or(0, Vec::len);
+        let rates = |k: usize| state.j.iter().map(|row| row[k]).collect();
+        (0..width).map(rates).collect()
+    };
+    states.iter().flat_map(of_state).collect()
+}
+
 /// The expressions evaluated for a link: the world's origin and axes in the link's frame, and the
 /// unit twists of coordinates.
 struct LinkKinematics {

@@ -29,8 +29,9 @@ use crate::sym::Graph;
 
 pub(in crate::base) use body::polar;
 pub(in crate::base) use condition::condition_of_kept;
+pub(in crate::base) use states::Random;
 
-pub use closed_state::{ClosedState, LinkMotion, Vector3, closed_states};
+pub use closed_state::{ClosedState, LinkMotion, Vector3, closed_states, rates};
 pub use float320::{DIGITS, Float320};
 pub use linear::{Relation, rank_of, relations};
 pub use rank::{Certificate, Samples};

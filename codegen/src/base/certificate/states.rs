@@ -45,10 +45,10 @@ const MAX_RESTARTS: usize = 25;
 
 /// Reproducible pseudo-random numbers.
 #[derive(Clone, Debug)]
-pub(super) struct Random(u64);
+pub(in crate::base) struct Random(u64);
 
 impl Random {
-    fn new(seed: u64) -> Random {
+    pub(in crate::base) fn new(seed: u64) -> Random {
         Random(seed)
     }
 
@@ -62,7 +62,8 @@ impl Random {
         low + (high - low) * 0.5 * (self.next() + 1.0)
     }
 
-    fn bits(&mut self) -> u64 {
+    /// The next 64 bits.
+    pub(in crate::base) fn bits(&mut self) -> u64 {
         // splitmix64: Steele, Lea and Flood 2014
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;

@@ -337,9 +337,9 @@ impl Recognised {
     }
 
     /// The exactness of the least exactly known factor. If some geometry names could not be varied,
-    /// any factor might depend on them, except the 1 of a direction with a single parameter.
+    /// any factor might depend on them, and whether the direction is null.
     fn exactness(&self, has_unvaried_names: bool) -> Exactness {
-        let exactness_if_invariant = if has_unvaried_names && self.support.len() > 1 {
+        let exactness_if_invariant = if has_unvaried_names {
             Exactness::AtThisGeometry
         } else {
             Exactness::Symbolic

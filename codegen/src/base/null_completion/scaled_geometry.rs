@@ -137,8 +137,8 @@ pub(super) fn sample_of(spec: &Spec, seed: u64) -> Option<Samples> {
     samples.certificate().is_certain().then_some(samples)
 }
 
-/// A home that satisfies the closure equations with the changed values.
-fn home(model: &Model) -> Option<Vec<f64>> {
+/// A home that satisfies the closure equations of a model.
+pub(in crate::base) fn home(model: &Model) -> Option<Vec<f64>> {
     let mut g = Graph::new();
     for coordinate in &model.coordinates {
         g.symbol(&coordinate.name);

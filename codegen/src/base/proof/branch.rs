@@ -2,7 +2,7 @@
 
 use dashu_ratio::RBig;
 
-use crate::base::certificate::{ClosedState, Float320, rank_of, relations};
+use crate::base::certificate::{ClosedState, Float320, rank_of, rates, relations};
 use crate::base::null_completion::recognise;
 use crate::base::null_completion::scaled_geometry::scaled;
 use crate::model::{self, Model};
@@ -74,13 +74,7 @@ impl Branch {
     ///
     /// - `with_relations`: all of them; otherwise every angle is free.
     pub(super) fn new(model: &Model, states: &[ClosedState], with_relations: bool) -> Option<Self> {
-        let rows: Vec<Vec<Float320>> = states
-            .iter()
-            .flat_map(|s| {
-                let width = s.j.first().map_or(0, Vec::len);
-                (0..width).map(|k| s.j.iter().map(|row| row[k]).collect())
-            })
-            .collect();
+        let rows = rates(states);
         let order = || model.independent.iter().chain(&model.dependent).copied();
         let is_joint = |c: &usize| !model.drives.contains(c);
         let turning: Vec<usize> = order()

@@ -3,8 +3,8 @@
 //! A completed direction is recognised from digits. It is proven as follows (`codegen/BASE.md`, proofs):
 //!
 //! 1. *The branch.* Linear relations among angles, read from the sampled rates (or none of them), define a family
-//!    of states: all others free. The family is the branch if cosines among the closure equations vanish on it identically, and its
-//!    dimension is the mechanism's mobility.
+//!    of states: all others free. The family is the branch if cosines among the closure equations vanish on it
+//!    identically, and its dimension is the mechanism's mobility.
 //! 2. *Points.* On the family the closure equations are linear in lengths, slides and shifts of the frames on the
 //!    ground, so that random angles and the solution of linear equations give random points, on an irreducible
 //!    variety of mechanisms with all values of the names.
@@ -21,7 +21,7 @@ mod residue;
 use std::collections::BTreeMap;
 
 use crate::base::Coefficient;
-use crate::base::certificate::{closed_states, polar};
+use crate::base::certificate::{Random, closed_states, polar};
 use crate::base::geometry::{angle_names, mentions_names};
 use crate::base::null_completion::scaled_geometry::groups;
 use crate::model::{FrictionColumn, Model, ParameterKind, Step};
@@ -170,17 +170,8 @@ enum Unknown {
     Shift(usize, usize),
 }
 
-/// Random numbers (splitmix64).
-struct Random(u64);
-
-impl Random {
-    fn next<const P: u64>(&mut self) -> Residue<P> {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        Residue::new(x ^ (x >> 31))
-    }
+fn drawn<const P: u64>(random: &mut Random) -> Residue<P> {
+    Residue::new(random.bits())
 }
 
 /// A state of the family with its closure equations and rates.
@@ -220,7 +211,7 @@ impl Problem<'_> {
 
     /// Tests all directions at so many points modulo P; `None` if no points are found.
     fn attempt<const P: u64>(&self, directions: &[Factors], count: usize) -> Option<Vec<bool>> {
-        let mut random = Random(P);
+        let mut random = Random::new(P);
         let mut proven = vec![true; directions.len()];
         for _ in 0..count {
             let mut trials = (0..MAX_TRIALS).filter_map(|_| self.sample::<P>(&mut random));
@@ -263,13 +254,13 @@ impl Problem<'_> {
         let count = self.names.groups.len();
         let mut point = Point {
             names: self.names,
-            constants: Constants::new(random.next())?,
-            values: (0..count).map(|_| random.next()).collect(),
-            radian: random.next(),
+            constants: Constants::new(drawn(random))?,
+            values: (0..count).map(|_| drawn(random)).collect(),
+            radian: drawn(random),
             parts: self.parts,
         };
         let n = self.model.coordinates.len();
-        let turns = self.branch.turns(&point, || random.next())?;
+        let turns = self.branch.turns(&point, || drawn(random))?;
         let mut state = State {
             turns,
             slides: vec![Residue::ZERO; n],
@@ -278,7 +269,7 @@ impl Problem<'_> {
         let unknowns = self.unknowns();
         // off the closure, for the rank of the derivatives
         for slide in self.slides() {
-            *state.slides.get_mut(slide)? = random.next();
+            *state.slides.get_mut(slide)? = drawn(random);
         }
         let has_rank = |observer| {
             let free = self.closure(&point, &state, observer);
@@ -313,7 +304,7 @@ impl Problem<'_> {
         if rank(without_side.collect()) != self.ranks.lengths {
             return None;
         }
-        let solution = solve(rows, unknowns.len(), || random.next())?;
+        let solution = solve(rows, unknowns.len(), || drawn(random))?;
         for (unknown, value) in unknowns.iter().zip(solution) {
             set(&mut point, &mut state, *unknown, value)?;
         }
@@ -327,7 +318,7 @@ impl Problem<'_> {
         }
         let mut rates = vec![Residue::ZERO; n];
         for motion in motions {
-            let factor: Residue<P> = random.next();
+            let factor: Residue<P> = drawn(random);
             for (rate, own) in rates.iter_mut().zip(motion) {
                 *rate = *rate + factor * own;
             }

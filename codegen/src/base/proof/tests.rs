@@ -1,9 +1,7 @@
 #![allow(clippy::unwrap_used)]
 use super::*;
-use crate::constraints::{NumericLoops, close_home, world_equations};
+use crate::base::null_completion::scaled_geometry::home;
 use crate::diag::Source;
-use crate::kinematics::{Frames, Geometry};
-use crate::sym::Graph;
 
 /// A parallelogram of a crank and a rocker with the same length, on one branch of the two.
 fn parallelogram(home: &str) -> String {
@@ -31,13 +29,7 @@ home: {home}
 fn proven_of(text: &str, directions: &[&[(&str, &str)]]) -> Vec<bool> {
     let spec = crate::spec::parse(&Source::new("test.yaml", text)).unwrap();
     let model = crate::model::build(&spec);
-    let mut g = Graph::new();
-    for coordinate in &model.coordinates {
-        g.symbol(&coordinate.name);
-    }
-    let frames = Frames::new(&mut g, &model, Geometry::Values);
-    let equations = world_equations(&mut g, &frames, &model, None);
-    let home = close_home(&NumericLoops::new(&g, &equations, &model), &model).unwrap();
+    let home = home(&model).unwrap();
     let column = |label: &str| model.parameters.iter().position(|p| p.label == label);
     let directions: Vec<Vec<(usize, Coefficient)>> = directions
         .iter()
@@ -85,35 +77,6 @@ fn what_holds_on_one_branch_is_not_proven_on_the_other() {
         &[("1", "Ixx(2)")],
     ];
     assert_eq!(proven_of(&crossed, &directions), [false, true]);
-}
-
-#[test]
-fn a_loop_that_a_body_carries_is_proven_with_lengths_of_its_own() {
-    let text = "name: turntable
-geometry: {e: 0.45, r: 0.22, s: 0.41, u: 0.33}
-limbs:
-  - name: table
-    joints: [{name: z, type: revolute, body: table, actuated: true}]
-  - name: left
-    from: table
-    base: {rpy: [pi/2, 0, 0]}
-    joints:
-      - {name: q1, type: revolute, body: 1, actuated: true}
-      - {name: q2, type: revolute, origin: {xyz: [r, 0, 0]}, body: 2}
-  - name: right
-    from: table
-    base: {xyz: [e, 0, 0], rpy: [pi/2, 0, 0]}
-    joints:
-      - {name: q3, type: revolute, body: 3}
-cuts:
-  - {name: pin, joint: revolute, between: [{body: 2, xyz: [s, 0, 0]}, {body: 3, xyz: [u, 0, 0]}]}
-home: {q1: 1.2, q2: -1.0, q3: 1.6}
-";
-    let directions: [&[(&str, &str)]; 2] = [
-        &[("r", "Iyz(1)"), ("s", "Iyz(2)"), ("-u", "Iyz(3)")],
-        &[("r", "Iyz(1)"), ("s", "Iyz(2)"), ("u", "Iyz(3)")],
-    ];
-    assert_eq!(proven_of(text, &directions), [true, false]);
 }
 
 /// A scissor and a kite upon it, with one degree of freedom: on this branch angles are related, and in the world's
