@@ -154,11 +154,11 @@ fn press(page: &mut Driven, key: &str, code: u32) {
     }
 }
 
-/// Presses a key until an expression is true on the page. A key that is pressed while the frame of the
+/// Presses a key in the view until an expression is true on the page. A key that is pressed while the frame of the
 /// view loads what the last edit made is lost, as the mouse's first strokes are.
-fn press_until(page: &mut Driven, key: &str, code: u32, expression: &str) {
+fn press_in_view_until(page: &mut Driven, key: &str, code: u32, expression: &str) {
     for _ in 0..30 {
-        press(page, key, code);
+        page.in_frame("/part/view", |frame| press(frame, key, code));
         for _ in 0..20 {
             if page.value(expression) == true {
                 return;
@@ -221,8 +221,8 @@ fn in_a_browser_keys_lead_through_the_page() {
     page.value("document.getElementById('frame-view').focus()");
     let away = "JSON.parse(document.getElementById('frame-view').dataset.camera).away";
     let at = page.value(away).as_f64().unwrap();
-    press_until(&mut page, "+", 187, &format!("{away} < {at}"));
-    press_until(&mut page, "-", 189, &format!("{away} > {at}"));
+    press_in_view_until(&mut page, "+", 187, &format!("{away} < {at}"));
+    press_in_view_until(&mut page, "-", 189, &format!("{away} > {at}"));
     assert!(page.errors.is_empty(), "{:?}", page.errors);
 }
 

@@ -18,6 +18,8 @@ pub struct Driven {
     profile: PathBuf,
     socket: TcpStream,
     sent: u64,
+    /// The session of the frame that calls are for, in place of the page; see [`in_frame`](Driven::in_frame).
+    frame: Option<String>,
     /// The uncaught exceptions and the logged errors of the page.
     pub errors: Vec<String>,
 }
@@ -82,6 +84,7 @@ impl Driven {
             profile,
             socket,
             sent: 0,
+            frame: None,
             errors: Vec::new(),
         };
         for domain in ["Page", "Runtime", "Log"] {
@@ -94,7 +97,11 @@ impl Driven {
     pub fn ask(&mut self, method: &str, parameters: &Value) -> Value {
         self.sent += 1;
         let id = self.sent;
-        let text = json!({"id": id, "method": method, "params": parameters}).to_string();
+        let mut call = json!({"id": id, "method": method, "params": parameters});
+        if let Some(frame) = &self.frame {
+            call["sessionId"] = json!(frame);
+        }
+        let text = call.to_string();
         let length = text.len();
         // a text in one frame, masked by zeros
         let mut frame = vec![0x81];
@@ -146,6 +153,24 @@ impl Driven {
                 return String::from_utf8(text).unwrap();
             }
         }
+    }
+
+    /// Calls the methods of `each` on the frame whose address contains this part. A browser may run it in a process of
+    /// its own, which keys sent to the page do not reach; where it does not, they are for the page.
+    pub fn in_frame(&mut self, address: &str, each: impl FnOnce(&mut Self)) {
+        let targets = self.ask("Target.getTargets", &json!({}));
+        let targets = targets["targetInfos"].as_array().into_iter().flatten();
+        let is_wanted = |target: &&Value| {
+            let url = target["url"].as_str().unwrap_or_default();
+            target["type"] == "iframe" && url.contains(address)
+        };
+        if let Some(target) = targets.into_iter().find(is_wanted) {
+            let asked = json!({"targetId": target["targetId"], "flatten": true});
+            let attached = self.ask("Target.attachToTarget", &asked);
+            self.frame = attached["sessionId"].as_str().map(str::to_owned);
+        }
+        each(self);
+        self.frame = None;
     }
 
     /// Opens an address.
