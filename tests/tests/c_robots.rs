@@ -49,7 +49,7 @@ struct Compared {
 fn compared(folder: &Path) -> Vec<Compared> {
     let all = regen_robots::ALL.iter();
     let all = all.map(|&(file, rust)| (file, files::robots(), Some(rust)));
-    let all = all.chain([("adjustable", files::mechanisms(), None)]);
+    let all = all.chain([("adjustable", files::fixtures().join("adjustable"), None)]);
     all.map(|(file, folder_of_specs, rust)| {
         let text = folder_of_specs.join(format!("{file}.yaml"));
         let text = std::fs::read_to_string(text).unwrap();
