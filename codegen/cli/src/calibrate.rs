@@ -81,15 +81,21 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     if let Some(out) = &args.simulate {
         return simulate(args, out, (&problem, plan, &file.settings), &robot.name);
     }
+    let mut page = None;
     let result = if logs.is_some() {
         let fit = problem.calibrate(confidence).map_err(failed)?;
         let mut found = Calibrated::of_fit(&robot.name, &problem, &fit, confidence);
         found.doubts.clone_from(&doubts);
         found.set_exact(described.exact_factors(&problem, &fit.fixed));
+        page = match &args.report {
+            Some(out) => Some((out, regen_report::calibrated(&found, &problem, &fit)?)),
+            None => None,
+        };
         found
     } else {
         let unused = [
             ("geometry", args.geometry.is_some()),
+            ("report", args.report.is_some()),
             ("confidence", args.confidence.is_some()),
             ("logs", args.folder.is_some()),
         ];
@@ -106,6 +112,10 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     };
     if let Some(out) = &args.geometry {
         write_geometry(out, &spec, &mechanism, &geometry, &result)?;
+    }
+    if let Some((out, html)) = page {
+        write::atomically(out, &html)?;
+        terminal::note(&format!("{}: written", out.display()));
     }
     terminal::print(&match args.format {
         Format::Human => calibrated_text(&result),

@@ -10,7 +10,7 @@ use regen_identify::session::{LeastSquaresStart, OpenChoices, Session, chosen, f
 use regen_identify::signals::Method;
 use regen_identify::status::{EffortContributions, Status};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_report::results::BiasRemedy;
+use regen_report::results::{BiasRemedy, stem};
 
 use crate::args::{DelayArg, IdentifyArgs, ReadingArgs, VelocitiesArg};
 use crate::exit::Failure;
@@ -50,6 +50,19 @@ pub(crate) fn made(
         *logs = choice.runs(logs);
     }
     Ok(choice)
+}
+
+/// The choice by which parameters were identified, if options leave it open and these are all of their logs.
+pub(crate) fn of_its_logs<'f>(
+    reading: &ReadingArgs,
+    found: &'f IdentifiedModel,
+    logs: &[Run],
+) -> Option<&'f Choice> {
+    let choice = found.provenance.filter.as_ref()?;
+    let runs = choice.runs(logs).into_iter();
+    let mut names: Vec<String> = runs.map(|run| stem(&run.to_string())).collect();
+    names.sort();
+    (is_open(reading) && names == found.provenance.logs).then_some(choice)
 }
 
 /// Sets the options that read logs as those of parameters were read, as far as options leave that open; where

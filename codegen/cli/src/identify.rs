@@ -428,7 +428,7 @@ pub(crate) fn weighting(args: &IdentifyArgs) -> Weighting {
     }
 }
 
-fn options(args: &IdentifyArgs) -> Options {
+pub(crate) fn options(args: &IdentifyArgs) -> Options {
     Options {
         weighting: weighting(args),
         huber: args.huber,

@@ -1,8 +1,7 @@
 //! `regen observe`: reduces logs to a factor file; also how all commands read logs.
 
 use regen_identify::data::{
-    Bridged, Checks, DataError, Decision, Fault, FileReport, Gaps, Policies, Policy, Problems,
-    Quantity, Run, Settings, Spikes,
+    Checks, DataError, Decision, Fault, FileReport, Gaps, Policy, Quantity, Run, Settings,
 };
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{EquationKind, LeftOut, Options, observe};
@@ -10,7 +9,9 @@ use regen_identify::session::{MonitoredLogs, Session, SessionError, from_logs};
 use regen_identify::signals::{Method, SignalError};
 use regen_identify::states::Standstill;
 use regen_identify::text::figure_of;
-use regen_report::results::{LogFile, Observed, observed_text};
+use regen_report::results::{
+    LOCK_JOINTS, LogFile, Observed, READ_AS_POSES, doubts_of_log, observed_text,
+};
 
 use crate::args::{
     DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
@@ -217,12 +218,6 @@ pub(crate) fn kind(reading: &ReadingArgs) -> EquationKind {
     }
 }
 
-/// What is done with joints that stand still.
-const LOCK: &str = "joints that never move can be locked, by `regen import --lock` or as `type: fixed` in the spec";
-/// What is done with rows that are poses at rest.
-const POSES: &str = "they jump from row to row as separate poses do, which are read with --poses in place of a \
-                     rate: it identifies the parameters of gravity";
-
 /// Adds to the message of an error of too little motion the joints that do not move in any log.
 pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {
     let first = reports.first().map(|first| first.still.as_slice());
@@ -233,9 +228,9 @@ pub(crate) fn with_still(failure: Failure, reports: &[FileReport]) -> Failure {
     let rests = (!still.is_empty()).then(|| {
         let still = still.join(", ");
         let what = if reports.iter().any(|report| report.are_poses) {
-            POSES
+            READ_AS_POSES
         } else {
-            LOCK
+            LOCK_JOINTS
         };
         format!("\n  no log has motion of {still} beyond its noise: {what}")
     });
@@ -266,139 +261,9 @@ fn said_of_stretches(report: &FileReport) -> Option<String> {
 /// Prints which rows of the logs were left out, or used although they are doubtful.
 pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
-        if !report.still.is_empty() {
-            let still = report.still.join(", ");
-            terminal::note(&if report.are_poses {
-                format!("warning: {}: without motion: {still}; {POSES}", report.file)
-            } else {
-                format!(
-                    "warning: {}: without motion: {still}; parameters that only it determines cannot be \
-                     identified; {LOCK}",
-                    report.file
-                )
-            });
+        for text in doubts_of_log(report) {
+            terminal::note(&format!("warning: {}: {text}", report.file));
         }
-        if let Some((first, last)) = report.uncut {
-            terminal::note(&format!(
-                "warning: {}: these times leave out no row: those of the log are from {first} s to \
-                 {last} s; `times` are in s, whatever the unit of the column of time is",
-                report.file,
-            ));
-        }
-        if let Some((other, part)) = &report.repeats {
-            terminal::note(&format!(
-                "warning: {}: {} % of its rows are rows of {other} too: as they count twice, deviations \
-                 are too small; leave one of them out",
-                report.file,
-                figure_of(3, 100.0 * part)
-            ));
-        }
-        if let Some(text) = said_of_spikes(report) {
-            terminal::note(&text);
-        }
-        if let Some(text) = said_of_gaps(report) {
-            terminal::note(&text);
-        }
-        for policy in [Policy::Fail, Policy::Drop, Policy::Tell, Policy::Keep] {
-            note_treated(
-                &report.file,
-                &report.problems.treated(&report.policies, policy),
-                policy,
-            );
-        }
-    }
-}
-
-/// Which efforts jump in single rows of a log, in one line.
-fn said_of_spikes(report: &FileReport) -> Option<String> {
-    let one = |(column, own): &(String, Spikes)| {
-        let rows = if own.rows == 1 {
-            format!("row {}", own.row)
-        } else {
-            format!("{} rows, the first is row {}", own.rows, own.row)
-        };
-        format!("`{column}` by up to {} ({rows})", figure_of(3, own.largest))
-    };
-    let columns: Vec<String> = report.spikes.iter().map(one).collect();
-    (!columns.is_empty()).then(|| {
-        format!(
-            "warning: {}: efforts jump and are back in the next row: column {}: they count as missing; \
-             `checks: {{outliers: keep}}` uses them",
-            report.file,
-            columns.join(", ")
-        )
-    })
-}
-
-/// What was done with the gaps and dropouts of a log, in one line.
-fn said_of_gaps(report: &FileReport) -> Option<String> {
-    let Bridged {
-        count,
-        rows,
-        largest,
-        cuts,
-        longest,
-    } = report.bridged;
-    let s = |count: usize| if count == 1 { "" } else { "s" };
-    let parts = |count: usize| {
-        if report.spikes.is_empty() {
-            format!("{count} gap{0} or dropout{0}", s(count))
-        } else {
-            format!("{count} gap{0}, dropout{0} or jump{0} of efforts", s(count))
-        }
-    };
-    let bridged = (count > 0).then(|| {
-        let part = 100.0 * rows as f64 / (report.rows + rows) as f64;
-        format!(
-            "{} of up to {largest} row{} {} bridged: {rows} row{} ({} %) {} interpolated, and the \
-             equations within left out",
-            parts(count),
-            s(largest),
-            if count == 1 { "was" } else { "were" },
-            s(rows),
-            figure_of(2, part),
-            if rows == 1 { "is" } else { "are" },
-        )
-    });
-    let divided = (cuts > 0 && longest > 0.0).then(|| {
-        let what = if count > 0 {
-            format!("{cuts} more")
-        } else {
-            parts(cuts)
-        };
-        format!(
-            "{what}, longer than the {} s that the filter bridges, divide{} the log",
-            figure_of(3, longest),
-            if cuts == 1 { "s" } else { "" },
-        )
-    });
-    let said: Vec<String> = bridged.into_iter().chain(divided).collect();
-    (!said.is_empty()).then(|| format!("warning: {}: {}", report.file, said.join("; ")))
-}
-
-/// Prints the rows of a log that were treated in one way.
-fn note_treated(file: &str, problems: &Problems, policy: Policy) {
-    let what = match policy {
-        Policy::Keep => {
-            // rows that even `keep` cannot use are reported
-            let lost = problems.left_out(&Policies::from(policy));
-            let kinds = lost.iter().map(|(kind, count)| format!("{count} x {kind}"));
-            let kinds: Vec<String> = kinds.collect();
-            if !kinds.is_empty() {
-                terminal::note(&format!(
-                    "warning: {file}: rows that cannot be kept were left out: {}",
-                    kinds.join(", ")
-                ));
-            }
-            return;
-        }
-        Policy::Tell => "are doubtful; those that are numbers are used",
-        Policy::Fail | Policy::Drop => "were left out",
-    };
-    let count = problems.total();
-    if count > 0 {
-        let text = format!("warning: {file}: {count} rows or gaps {what}\n{problems}");
-        terminal::note(text.trim_end());
     }
 }
 

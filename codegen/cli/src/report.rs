@@ -9,11 +9,13 @@ use crate::args::{IdentifyArgs, ReportArgs};
 use crate::exit::Failure;
 use crate::suspect::OtherSpecs;
 use crate::{
-    choice, delay, experiment, load, loads, observe, parameters, suspect, terminal, write,
+    choice, delay, experiment, identify, load, loads, observe, parameters, suspect, terminal, write,
 };
+use regen_identify::choice::Choice;
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
+use regen_identify::session::Session;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::Identification;
 use regen_report::{Inputs, ReportError};
@@ -36,9 +38,13 @@ pub(crate) fn of_identified(
         .chain(&args.physical.against)
         .cloned()
         .collect();
+    let session = Session {
+        options: identify::options(args),
+        ..loads::scaled(model, &args.reading, identified)
+    };
     let inputs = Inputs {
         robot,
-        session: &loads::scaled(model, &args.reading, identified),
+        session: &session,
         by_run: &loads::by_run(robot, model, &args.reading, &runs, identified)?,
         file: &found.file,
         identified,
@@ -74,7 +80,15 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     // `read` checks that the file belongs to this model, by its digest
     let identified = parameters::read(&args.params, &model)?;
     loads::require_gains(&args.reading, &identified, &args.params)?;
-    choice::repeat_or_make(&mut args.reading, &model, &identified, &mut args.logs)?;
+    match choice::of_its_logs(&args.reading, &identified, &args.logs) {
+        Some(own) => {
+            choice::pin(own, &mut args.reading);
+            args.logs = own.runs(&args.logs);
+        }
+        None => {
+            choice::repeat_or_make(&mut args.reading, &model, &identified, &mut args.logs)?;
+        }
+    }
     let value = parameters::value(&args.params)?;
     let file: ParameterFile = serde_json::from_value(value).map_err(|why| {
         Failure::Input(format!(
@@ -85,7 +99,8 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     args.reading = delay::of_named(&args.reading, &model, &args.logs)?.0;
     observe::require_consistent(&args.reading)?;
     let runs: Vec<Run> = args.logs.iter().chain(&args.against).cloned().collect();
-    let session = loads::scaled(&model, &args.reading, &identified);
+    let mut session = loads::scaled(&model, &args.reading, &identified);
+    session.options.huber = file.filter.as_ref().and_then(Choice::huber);
     // these checks compare efforts with plausible weights and inertias, and so need known gains
     let suspicions = if identified.gains.is_empty() {
         let opened = session.open(&args.logs).map_err(ReportError::from)?;

@@ -29,6 +29,7 @@ mod offsets;
 mod opens;
 mod options;
 mod pages;
+mod pages_logs;
 mod pages_mechanics;
 mod payloads;
 mod predict;

@@ -197,7 +197,7 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
     assert_eq!(run_page("loads").len(), 7);
     assert_eq!(run_page("response").len(), 4);
     assert_eq!(run_page("rehearse").len(), 3);
-    assert_eq!(run_page("calibrate").len(), 10);
+    assert_eq!(run_page("calibrate").len(), 11);
     let dir = scratch("guide_report");
     copy_inputs(&dir);
     let args = "identify runtime/guide/fivebar/fivebar.yaml runtime/guide/fivebar/run1.csv --butterworth 4,20 \

@@ -150,6 +150,7 @@ fn the_report_is_one_page_with_every_figure_and_table() {
     is_self_contained(&page);
     for id in [
         "summary",
+        "logs",
         "base",
         "motion",
         "forces",
@@ -173,7 +174,11 @@ fn the_report_is_one_page_with_every_figure_and_table() {
     // the certificate, Table 1, and the logs by name without their folder
     assert!(page.contains("have rank <b>34</b>"));
     assert!(page.contains("Izz(1) + Iyy(2)"));
-    assert!(page.contains("<td>run-2.csv</td><td>validation</td>"));
+    assert!(
+        page.contains(
+            "<td data-title=\"log\">run-2</td><td data-title=\"used for\">validation</td>"
+        )
+    );
     assert!(!page.contains(dir.to_str().unwrap()));
 
     // the same report, made from the files by its own command
@@ -204,7 +209,7 @@ fn the_report_is_one_page_with_every_figure_and_table() {
 }
 
 /// A report without the row of its command, and the command.
-fn without_command(page: &str) -> (String, String) {
+pub(crate) fn without_command(page: &str) -> (String, String) {
     let row = "<dt>Command</dt><dd><code>";
     let (before, rest) = page.split_once(row).unwrap();
     let (command, after) = rest.split_once("</code></dd>\n").unwrap();

@@ -3,17 +3,17 @@
 use std::fmt::Write as _;
 
 use crate::constants::{Form, Irrational};
+use crate::measure::{COLUMN, broken, width};
 use crate::names::Name;
 use crate::page::{Entry, Page};
 use crate::plain::{Level, Spelling, Writer, digits};
 
-/// The longest entry of a matrix that is written as a `bmatrix`, in characters of source; matrices
-/// with longer entries are written entry by entry.
-const MAX_ENTRY_LENGTH: usize = 48;
-/// The largest number of columns of such a matrix; it may have twice as many rows.
+/// The largest number of columns of a matrix that is written as a `bmatrix`; it may have twice as many rows.
 const MAX_MATRIX_COLUMNS: usize = 6;
-/// Characters of an equation's source after which a sum continues on the next line.
-const LINE_LENGTH: usize = 150;
+/// The space between two columns of such a matrix, pt.
+const BETWEEN_COLUMNS: f64 = 10.0;
+/// The widest fraction or operand of a function that is not broken, pt.
+const MAX_UNBROKEN: f64 = 0.6 * COLUMN;
 
 /// LaTeX in math mode.
 pub(crate) struct Latex<'p>(pub(crate) &'p Page<'p>);
@@ -58,8 +58,13 @@ impl Spelling for Latex<'_> {
 
     fn call(&self, function: &str, operand: &str) -> String {
         match function {
+            "sqrt" if width(operand) > MAX_UNBROKEN => format!("({operand})^{{1/2}}"),
             "sqrt" => format!("\\sqrt{{{operand}}}"),
+            "sin" | "cos" if width(operand) > MAX_UNBROKEN => format!("\\{function}({operand})"),
             "sin" | "cos" => format!("\\{function}\\left({operand}\\right)"),
+            "sign" if width(operand) > MAX_UNBROKEN => {
+                format!("\\operatorname{{sgn}}({operand})")
+            }
             "sign" => format!("\\operatorname{{sgn}}\\left({operand}\\right)"),
             "positive" => format!("\\left[{operand} > 0\\right]"),
             _ => format!("\\left[{operand} < 0\\right]"),
@@ -75,10 +80,22 @@ impl Spelling for Latex<'_> {
     }
 
     fn quotient(&self, above: (String, Level), below: (String, Level)) -> (String, Level) {
-        (format!("\\frac{{{}}}{{{}}}", above.0, below.0), Level::Atom)
+        if width(&above.0).max(width(&below.0)) <= MAX_UNBROKEN {
+            return (format!("\\frac{{{}}}{{{}}}", above.0, below.0), Level::Atom);
+        }
+        let grouped = |(text, own): (String, Level), least: Level| match own < least {
+            true => self.group(&text),
+            false => text,
+        };
+        let (above, below) = (grouped(above, Level::Product), grouped(below, Level::Power));
+        // in parentheses wherever it is a factor, which would seem to belong to the denominator
+        (format!("{above} / {below}"), Level::Sum)
     }
 
     fn square(&self, operand: &str) -> String {
+        if width(operand) > MAX_UNBROKEN {
+            return format!("{operand}^2");
+        }
         format!("{{{operand}}}^2")
     }
 
@@ -120,28 +137,6 @@ pub(crate) fn symbol(name: &str, accent: &str) -> String {
     }
 }
 
-/// A long sum on several lines of `align*`, broken between terms.
-fn broken(text: &str) -> String {
-    let mut out = String::new();
-    let (mut line, mut depth) = (0_usize, 0_usize);
-    let bytes = text.as_bytes();
-    for (at, c) in text.char_indices() {
-        match c {
-            '{' | '(' | '[' => depth += 1,
-            '}' | ')' | ']' => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        let between = c == ' ' && depth == 0 && matches!(bytes.get(at + 1), Some(b'+' | b'-'));
-        if between && line > LINE_LENGTH {
-            out.push_str(" \\\\\n  &\\quad");
-            line = 0;
-        }
-        out.push(c);
-        line += 1;
-    }
-    out
-}
-
 /// The whole fragment.
 pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
@@ -157,14 +152,10 @@ pub(crate) fn write(page: &Page<'_>) -> String {
         let _ = writeln!(out, "% {name} = {} m or rad", digits(value));
     }
     out.push_str("% needs amsmath; \\allowdisplaybreaks lets long lists break\n");
-    let mut lines: Vec<String> = Vec::new();
-    for (id, name) in page.names.all() {
-        lines.push(format!(
-            "  {} &= {}",
-            term(name),
-            broken(&writer.expression(id).0)
-        ));
-    }
+    // the left and the right side of each equation
+    let names = page.names.all();
+    let mut sides: Vec<(String, String)> =
+        (names.map(|(id, name)| (term(name), writer.expression(id).0))).collect();
     let letter = if page.letter == "tau" {
         "\\tau"
     } else {
@@ -173,13 +164,8 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     let entries: Vec<Entry> = page.entries().collect();
     let value = |entry: &Entry| writer.operand(entry.id).0;
     let (rows, columns) = page.shape;
-    let is_short = columns > 1
-        && columns <= MAX_MATRIX_COLUMNS
-        && rows <= 2 * MAX_MATRIX_COLUMNS
-        && entries
-            .iter()
-            .all(|entry| value(entry).len() <= MAX_ENTRY_LENGTH);
-    if is_short {
+    let mut matrix = None;
+    if columns > 1 && columns <= MAX_MATRIX_COLUMNS && rows <= 2 * MAX_MATRIX_COLUMNS {
         let mut cells = vec![vec!["0".to_owned(); columns]; rows];
         for entry in &entries {
             if let [row, column] = entry.index[..]
@@ -188,21 +174,36 @@ pub(crate) fn write(page: &Page<'_>) -> String {
                 *cell = value(entry);
             }
         }
-        let rows: Vec<String> = cells.iter().map(|row| row.join(" & ")).collect();
-        lines.push(format!(
-            "  {letter} &= \\begin{{bmatrix}}\n    {}\n  \\end{{bmatrix}}",
-            rows.join(" \\\\\n    ")
-        ));
-    } else {
-        for entry in &entries {
-            let index: Vec<String> = entry.index.iter().map(usize::to_string).collect();
-            lines.push(format!(
-                "  {letter}_{{{}}} &= {}",
-                index.join(","),
-                broken(&value(entry))
+        let widest = |column: usize| {
+            let own = cells.iter().filter_map(|row| row.get(column));
+            own.map(|cell| width(cell)).fold(BETWEEN_COLUMNS, f64::max) + BETWEEN_COLUMNS
+        };
+        let left = sides
+            .iter()
+            .map(|side| width(&side.0))
+            .fold(width(letter), f64::max);
+        let wide: f64 = (0..columns).map(widest).sum();
+        if left + width("=") + wide <= COLUMN {
+            let rows: Vec<String> = cells.iter().map(|row| row.join(" & ")).collect();
+            matrix = Some(format!(
+                "  {letter} &= \\begin{{bmatrix}}\n    {}\n  \\end{{bmatrix}}",
+                rows.join(" \\\\\n    ")
             ));
         }
     }
+    if matrix.is_none() {
+        sides.extend(entries.iter().map(|entry| {
+            let index: Vec<String> = entry.index.iter().map(usize::to_string).collect();
+            (format!("{letter}_{{{}}}", index.join(",")), value(entry))
+        }));
+    }
+    let left = sides.iter().map(|side| width(&side.0)).fold(0.0, f64::max);
+    let room = COLUMN - left - width("=");
+    let lines = sides
+        .iter()
+        .map(|(left, right)| format!("  {left} &= {}", broken(right, room)));
+    let is_short = matrix.is_some();
+    let lines: Vec<String> = lines.chain(matrix).collect();
     let _ = write!(
         out,
         "\\begin{{align*}}\n{}\n\\end{{align*}}\n",

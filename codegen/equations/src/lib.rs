@@ -31,6 +31,7 @@ mod graph;
 mod identifiers;
 mod latex;
 mod load;
+mod measure;
 mod names;
 mod page;
 mod plain;

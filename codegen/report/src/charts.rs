@@ -24,6 +24,7 @@ pub struct Figure {
 /// A line in a chart.
 pub(super) struct Line {
     pub(super) label: String,
+    /// A line ends at a point that is NaN.
     pub(super) points: Vec<(f64, f64)>,
     pub(super) dye: RGBColor,
     pub(super) look: Look,
@@ -35,6 +36,8 @@ pub(super) enum Look {
     Solid,
     Dashed,
     Dots,
+    /// From each odd point to the next one, over the whole height.
+    Bands,
 }
 
 pub(super) const BLUE: RGBColor = RGBColor(11, 98, 196);
@@ -61,6 +64,9 @@ const AXIS_WIDTH_PX: u32 = 72;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = Result<(), Box<dyn std::error::Error + Send + Sync>>;
+
+/// So many dots at most are drawn larger.
+const FEW_DOTS: usize = 200;
 
 /// Draws an SVG of the page's width and this height, px.
 fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, ReportError> {
@@ -109,6 +115,7 @@ enum Sign {
     Line(RGBColor),
     Dot(RGBColor),
     Ring(RGBColor),
+    Band(RGBColor),
 }
 
 /// The approximate width of a text, px: letters are about seven pixels wide.
@@ -151,6 +158,10 @@ fn legend(area: &Area<'_>, left: u32, entries: &[(String, Sign)]) -> Drawn {
             Sign::Ring(dye) => {
                 area.draw(&Circle::new(at(x + 9, y), px(4), dye.stroke_width(px(1))))?;
             }
+            Sign::Band(dye) => {
+                let corners = [at(x, y.saturating_sub(6)), at(x + 18, y + 6)];
+                area.draw(&Rectangle::new(corners, pale(*dye)))?;
+            }
         }
         let style = letters().pos(Pos::new(HPos::Left, VPos::Center));
         area.draw_text(text, &style, at(x + 24, y))?;
@@ -164,6 +175,7 @@ fn entries(lines: &[Line]) -> Vec<(String, Sign)> {
     named
         .map(|l| match l.look {
             Look::Dots => (l.label.clone(), Sign::Dot(l.dye)),
+            Look::Bands => (l.label.clone(), Sign::Band(l.dye)),
             Look::Solid | Look::Dashed => (l.label.clone(), Sign::Line(l.dye)),
         })
         .collect()
@@ -206,7 +218,21 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
         .margin_right(px(14))
         .x_label_area_size(px(if x.is_empty() { 10 } else { 40 }))
         .y_label_area_size(px(AXIS_WIDTH_PX))
-        .build_cartesian_2d(across, up)?;
+        .build_cartesian_2d(across, up.clone())?;
+    // behind everything else
+    for line in lines.iter().filter(|line| line.look == Look::Bands) {
+        for ends in line.points.chunks_exact(2) {
+            let [(from, _), (to, _)] = ends else { continue };
+            let corners = [(*from, up.start), (*to, up.end)];
+            chart.draw_series([Rectangle::new(corners, pale(line.dye))])?;
+            // one row of many is narrower than a pixel
+            let side = vec![(*from, up.start), (*from, up.end)];
+            chart.draw_series([PathElement::new(
+                side,
+                line.dye.mix(0.3).stroke_width(px(1)),
+            )])?;
+        }
+    }
     styled(&mut chart.configure_mesh())
         .x_labels(if x.is_empty() { 0 } else { 10 })
         .y_labels(6)
@@ -216,20 +242,35 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
         .y_desc(y)
         .draw()?;
     for line in lines {
-        let points = line.points.iter().copied();
         let style = line.dye.stroke_width(px(3) / 2);
-        match line.look {
-            Look::Solid => chart.draw_series(LineSeries::new(points, style))?,
-            Look::Dashed => {
-                chart.draw_series(DashedLineSeries::new(points, px(6), px(4), style))?
+        for part in line.points.split(|p| p.0.is_nan() || p.1.is_nan()) {
+            let points = part.iter().copied();
+            match line.look {
+                Look::Solid => {
+                    chart.draw_series(LineSeries::new(points, style))?;
+                }
+                Look::Dashed => {
+                    chart.draw_series(DashedLineSeries::new(points, px(6), px(4), style))?;
+                }
+                Look::Dots => {
+                    // a few dots are large enough to be told apart by colour
+                    let (radius, part) = match line.points.len() {
+                        0..=FEW_DOTS => (px(5) / 2, 0.8),
+                        _ => (px(3) / 2, 0.6),
+                    };
+                    let dot = |p| Circle::new(p, radius, line.dye.mix(part).filled());
+                    chart.draw_series(points.map(dot))?;
+                }
+                Look::Bands => {}
             }
-            Look::Dots => {
-                let dot = |p| Circle::new(p, px(3) / 2, line.dye.mix(0.6).filled());
-                chart.draw_series(points.map(dot))?
-            }
-        };
+        }
     }
     legend(area, AXIS_WIDTH_PX, &entries)
+}
+
+/// The filling of a band.
+fn pale(dye: RGBColor) -> ShapeStyle {
+    dye.mix(0.14).filled()
 }
 
 /// Singular values by their number, on a logarithmic axis, with the certified rank.

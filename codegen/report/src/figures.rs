@@ -15,12 +15,53 @@ const MAX_POINTS: usize = 1500;
 /// The number of points of a friction curve in each direction.
 const CURVE_POINTS: usize = 200;
 
+/// The axis of time.
+pub(super) const TIME: &str = "time from the start, s";
+
 /// Column `k` over time, of a row-major table with `width` columns, thinned to [`MAX_POINTS`].
-fn column(t: &[f64], values: &[f64], k: usize, width: usize) -> Vec<(f64, f64)> {
+///
+/// - `breaks`: the rows that do not follow the one before them, between which no line is drawn.
+fn column(
+    t: &[f64],
+    values: &[f64],
+    (k, width): (usize, usize),
+    breaks: &[bool],
+) -> Vec<(f64, f64)> {
     let stride = t.len().div_ceil(MAX_POINTS).max(1);
     let values = values.iter().skip(k).step_by(width.max(1));
-    let points = t.iter().copied().zip(values.copied());
-    points.step_by(stride).collect()
+    let mut out: Vec<(f64, f64)> = Vec::new();
+    let mut is_broken = false;
+    for (row, (t, value)) in t.iter().zip(values).enumerate() {
+        is_broken |= breaks.get(row).copied().unwrap_or(false);
+        if row % stride == 0 {
+            if core::mem::take(&mut is_broken) && !out.is_empty() {
+                out.push((f64::NAN, f64::NAN));
+            }
+            out.push((*t, *value));
+        }
+    }
+    out
+}
+
+/// Where rows are missing, as a line of a chart; none where they are not.
+fn missing(rows: &LogRows) -> Option<Line> {
+    let spans = &rows.missing.spans;
+    let ends = rows.t.first().zip(rows.t.last());
+    let near = ends.map_or(0.0, |(from, to)| (to - from) / MAX_POINTS as f64);
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for [from, to] in spans {
+        match points.last_mut() {
+            Some(last) if *from - last.0 < near => last.0 = *to,
+            _ => points.extend([(*from, f64::NAN), (*to, f64::NAN)]),
+        }
+    }
+    let s = if rows.missing.count == 1 { "" } else { "s" };
+    (!spans.is_empty()).then(|| Line {
+        label: format!("{} row{s} missing or left out", rows.missing.count),
+        points,
+        dye: RED,
+        look: Look::Bands,
+    })
 }
 
 /// A name with every character replaced that might be wrong in a file's name.
@@ -60,7 +101,7 @@ pub(super) fn motion(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figu
                 .zip(LINE_COLOURS.iter().cycle())
                 .map(|(c, dye)| Line {
                     label: info.coordinates.get(*c).unwrap_or(&"?").to_string(),
-                    points: column(&rows.t, values, *c, n),
+                    points: column(&rows.t, values, (*c, n), &rows.breaks),
                     dye: *dye,
                     look: Look::Solid,
                 })
@@ -83,6 +124,7 @@ pub(super) fn motion(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figu
                     look: Look::Dashed,
                 });
             }
+            lines.extend(missing(rows));
             let (suffix, joints) = if kind == Motion::Rotation {
                 ("turns", "revolute")
             } else {
@@ -94,7 +136,7 @@ pub(super) fn motion(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figu
                     "{what} of the independent coordinates of {joints} joints over {}",
                     rows.file
                 ),
-                svg: charts::lines("t, s", &format!("{what}, {unit}"), 250, &lines)?,
+                svg: charts::lines(TIME, &format!("{what}, {unit}"), 250, &lines)?,
             });
         }
     }
@@ -102,7 +144,14 @@ pub(super) fn motion(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figu
 }
 
 /// Measured and predicted efforts of each independent coordinate, with the residuals below.
-pub(super) fn forces(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figure>, ReportError> {
+///
+/// - `bounds`: of each effort the residual from which on Huber's loss is linear, so that it is an outlier; none
+///   without this loss.
+pub(super) fn forces(
+    model: &Interpreted<'_>,
+    rows: &LogRows,
+    bounds: &[f64],
+) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let dof = info.dof();
     let residuals: Vec<f64> = rows
@@ -122,15 +171,37 @@ pub(super) fn forces(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figu
         let unit = if shift { "N" } else { "N m" };
         let line = |label: &str, values: &[f64], dye, look| Line {
             label: label.to_owned(),
-            points: column(&times, values, k, dof),
+            points: column(&times, values, (k, dof), &rows.equation_breaks),
             dye,
             look,
         };
-        let above = [
+        let mut above = vec![
             line("measured", &rows.tau, GREY, Look::Dots),
             line("predicted", &rows.predicted, BLUE, Look::Solid),
         ];
-        let below = [line("", &residuals, ORANGE, Look::Solid)];
+        let mut below = vec![line("", &residuals, ORANGE, Look::Solid)];
+        above.extend(missing(rows));
+        below.extend(missing(rows));
+        if let Some(bound) = bounds.get(k) {
+            let own = residuals.iter().skip(k).step_by(dof.max(1));
+            let far: Vec<usize> = own
+                .enumerate()
+                .filter(|(_, r)| r.abs() > *bound)
+                .map(|own| own.0)
+                .collect();
+            let every = far.len().div_ceil(MAX_POINTS).max(1);
+            let outliers = |label: String, values: &[f64]| Line {
+                label,
+                points: (far.iter().step_by(every))
+                    .filter_map(|row| Some((*times.get(*row)?, *values.get(row * dof + k)?)))
+                    .collect(),
+                dye: RED,
+                look: Look::Dots,
+            };
+            let label = format!("{} of {} beyond Huber's bound", far.len(), times.len());
+            above.push(outliers(label, &rows.tau));
+            below.push(outliers(String::new(), &residuals));
+        }
         let [up, down] = ["effort", "residual"].map(|what| format!("{what}, {unit}"));
         figures.push(Figure {
             name: format!("forces-{}", slug(name)),
@@ -138,7 +209,7 @@ pub(super) fn forces(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figu
                 "effort of {name} over {}, and what is left of it",
                 rows.file
             ),
-            svg: charts::two_panels("t, s", [&up, &down], &above, &below)?,
+            svg: charts::two_panels(TIME, [&up, &down], &above, &below)?,
         });
     }
     Ok(figures)
@@ -193,9 +264,9 @@ pub(super) fn friction(
         };
         let places = rows.places.iter().map(|row| row * n + *c);
         let own = places.map(|k| rows.qd.get(k).copied().unwrap_or(0.0));
-        let velocities = column(&times, &own.collect::<Vec<f64>>(), 0, 1);
-        let tau = column(&times, &rows.tau, k, dof);
-        let predicted = column(&times, &rows.predicted, k, dof);
+        let velocities = column(&times, &own.collect::<Vec<f64>>(), (0, 1), &[]);
+        let tau = column(&times, &rows.tau, (k, dof), &[]);
+        let predicted = column(&times, &rows.predicted, (k, dof), &[]);
         let cloud: Vec<(f64, f64)> = velocities
             .iter()
             .zip(tau.iter().zip(&predicted))

@@ -1,13 +1,14 @@
 //! Reads the data of a report from logs: motion, measured and predicted forces, singular values.
 
 use nalgebra::DMatrix;
-use regen_identify::data::{DataError, FileReport, Run};
+use regen_identify::data::{DataError, FileReport, MissingRows, Run};
 use regen_identify::estimate::EffortError;
 use regen_identify::identify::{self, EquationKind, LeftOut};
 use regen_identify::states::Source;
 use regen_runtime::{BaseModel, Model};
 
 use crate::ReportError;
+use crate::results::{doubts_of_log, stem};
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::Session;
 use regen_interpreted::Interpreted;
@@ -23,13 +24,19 @@ pub(super) struct LogRows {
     pub(super) derivatives: bool,
     /// Whether velocities alone were read.
     pub(super) velocities: bool,
+    /// The times of its rows from the first one of the log, s.
     pub(super) t: Vec<f64>,
+    /// The rows that do not follow the one before them.
+    pub(super) breaks: Vec<bool>,
+    pub(super) missing: MissingRows,
     /// Positions of all coordinates, n per row, rad or m; `qd` and `qdd` are their derivatives.
     pub(super) q: Vec<f64>,
     pub(super) qd: Vec<f64>,
     pub(super) qdd: Vec<f64>,
     /// The indices of the rows whose efforts the model predicts.
     pub(super) places: Vec<usize>,
+    /// The equations that do not follow the one before them.
+    pub(super) equation_breaks: Vec<bool>,
     /// Measured and predicted efforts of the independent coordinates in those rows, dof per row, N
     /// m or N.
     pub(super) tau: Vec<f64>,
@@ -54,6 +61,8 @@ pub(super) struct Errors {
     pub(super) efforts: Vec<EffortError>,
     /// The samples and equations that were not used.
     pub(super) left_out: LeftOut,
+    /// What is doubtful in its rows.
+    pub(super) doubts: Vec<String>,
 }
 
 /// Singular values of the regressor over a log, columns scaled to unit length; in descending order,
@@ -74,20 +83,25 @@ pub(super) fn read_log(
     let model = session.model;
     let mut logs = session.open(std::slice::from_ref(run))?;
     let every = |has: fn(&FileReport) -> bool| logs.logs().reports().iter().all(has);
+    let own = logs.logs().reports().first();
     let mut seen = LogRows {
         file: name(run),
         derivatives: every(|report| report.derivatives),
         velocities: every(|report| report.velocities),
         t: Vec::new(),
+        breaks: Vec::new(),
+        missing: own.map(|own| own.missing.clone()).unwrap_or_default(),
         q: Vec::new(),
         qd: Vec::new(),
         qdd: Vec::new(),
         places: Vec::new(),
+        equation_breaks: Vec::new(),
         tau: Vec::new(),
         predicted: Vec::new(),
     };
     let found: Result<(), DataError> = logs.visit(&mut |row| {
         seen.t.push(row.time);
+        seen.breaks.push(!row.follows);
         seen.q.extend(row.q);
         seen.qd.extend(row.qd);
         seen.qdd.extend(row.qdd);
@@ -101,10 +115,15 @@ pub(super) fn read_log(
             at += 1;
         }
         seen.places.push(at);
+        seen.equation_breaks.push(!predicted.follows);
         seen.tau.extend(predicted.measured);
         seen.predicted.extend(predicted.fitted);
         Ok(())
     })?;
+    // a clock may count from 1970
+    let start = seen.missing.start;
+    let spans = seen.missing.spans.iter_mut().flatten();
+    seen.t.iter_mut().chain(spans).for_each(|t| *t -= start);
     Ok(seen)
 }
 
@@ -120,7 +139,9 @@ pub(super) fn errors(
     let (observed, left_out) = identify::observe(model, kind, &mut log)?;
     let means = observed.means();
     let found = identified.residuals(model, kind, &mut log, &means, 1)?;
+    let reports = log.logs().reports();
     Ok(Errors {
+        doubts: reports.iter().flat_map(doubts_of_log).collect(),
         file: name(run),
         used,
         all: found.relative_absolute(),
@@ -160,9 +181,8 @@ pub(super) fn spectra(model: &Interpreted<'_>, seen: &LogRows) -> Result<Spectra
     })
 }
 
-/// A file's name without its folders, since these differ between machines.
-pub(super) fn name(run: &Run) -> String {
-    let name = run.to_string();
-    let file = name.rsplit(['/', std::path::MAIN_SEPARATOR]).next();
-    file.map_or_else(|| name.clone(), str::to_owned)
+/// The name of a log, the same in all tables and in the file of parameters; without its folders, since these
+/// differ between machines.
+fn name(run: &Run) -> String {
+    stem(&run.to_string())
 }

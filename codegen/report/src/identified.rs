@@ -15,13 +15,13 @@ use crate::ReportError;
 use crate::charts::Figure;
 use crate::gather::{self, Errors, LogRows, Spectra};
 use crate::results::Suspected;
-use crate::{figures, page, residuals};
+use crate::{figures, logs, page, residuals};
 
 /// The inputs of a report.
 pub struct Inputs<'a> {
     /// The robot, with its base parameters.
     pub robot: &'a Robot,
-    /// The model, and the settings for reading its logs.
+    /// The model, the settings for reading its logs, and the options of least squares.
     pub session: &'a Session<'a, Interpreted<'a>>,
     /// The file of the identified parameters.
     pub file: &'a ParameterFile,
@@ -68,8 +68,10 @@ pub(crate) struct Content<'a> {
     pub(crate) spectrum: Figure,
     pub(crate) deviations: Figure,
     pub(crate) residuals: Vec<Figure>,
-    /// `None` where they cannot be estimated.
-    pub(crate) delays: Option<Delays>,
+    /// None where they cannot be estimated.
+    pub(crate) delays: Delays,
+    /// The delays that were corrected in reading, s.
+    pub(crate) corrected: &'a [(String, f64)],
 }
 
 /// Reads the logs and makes the report: the model and its base parameters, the motion with its
@@ -159,6 +161,17 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
     let of = |term: &BaseTerm<'_>| Some(term.value * (*stated.get(term.index)?)?);
     let base = model.base_info().base;
     let nominal = base.iter().map(|b| b.terms.iter().map(of).sum());
+    // with gains or payloads, efforts are not a matter of base parameters alone
+    let start = (inputs.file.gains.is_empty() && inputs.by_run.is_empty())
+        .then(|| logs::least_squares(session, inputs.logs))
+        .flatten();
+    let bounds: Vec<f64> = match (session.options.huber, &start) {
+        (Some(bound), Some(start)) => {
+            let efforts = start.estimate.efforts.iter();
+            efforts.map(|effort| bound * effort.sigma).collect()
+        }
+        _ => Vec::new(),
+    };
     let content = Content {
         robot: inputs.robot,
         model,
@@ -169,15 +182,13 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
         errors,
         method: method(&session.reading, seen.derivatives, seen.velocities),
         motion: figures::motion(model, &seen)?,
-        forces: figures::forces(model, &seen)?,
+        forces: figures::forces(model, &seen, &bounds)?,
         friction: figures::friction(model, &seen, identified)?,
         spectrum: figures::spectrum(model, &spectra)?,
         deviations: figures::deviations(inputs.file)?,
         residuals: residuals::spectra(model, &seen)?,
-        // with gains or payloads, efforts are not a matter of base parameters alone
-        delays: (inputs.file.gains.is_empty() && inputs.by_run.is_empty())
-            .then(|| residuals::delays(session, inputs.logs))
-            .flatten(),
+        delays: start.map(|start| start.delays).unwrap_or_default(),
+        corrected: &session.reading.delays,
         seen,
         spectra,
     };

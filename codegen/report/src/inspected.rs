@@ -7,6 +7,7 @@ use regen_inspect::{Column, ExpectedStatus, Joint, LogFacts, Prediction, Role};
 
 use crate::ReportError;
 use crate::charts::{self, BLUE, Bar, Figure, GREY, LINE_COLOURS, Line, Look, ORANGE};
+use crate::figures::TIME;
 use crate::page::{escaped, figure, four, label, section, table, whole};
 
 /// The largest number of columns in one figure, since more lines cannot be distinguished.
@@ -147,6 +148,8 @@ fn figures(place: usize, log: &LogFacts) -> Result<Vec<Figure>, ReportError> {
             .filter_map(|j| log.column(of(j)?))
             .collect();
         for (part, columns) in all.chunks(MAX_LINES).enumerate() {
+            let start = log.clock.span[0];
+            let from_start = |line: &mut Line| line.points.iter_mut().for_each(|p| p.0 -= start);
             let lines = |points: fn(&Column) -> &[(f64, f64)]| -> Vec<Line> {
                 let dyes = LINE_COLOURS.iter().cycle();
                 let pairs = columns.iter().zip(dyes);
@@ -159,10 +162,12 @@ fn figures(place: usize, log: &LogFacts) -> Result<Vec<Figure>, ReportError> {
                 lines.collect()
             };
             let number = format!("{}-{}", place + 1, part + 1);
+            let mut curves = lines(|c| &c.curve);
+            curves.iter_mut().for_each(from_start);
             out.push(Figure {
                 name: format!("{what}-{number}"),
                 caption: format!("{what} as they are logged"),
-                svg: charts::lines("t, s", what, 230, &lines(|c| &c.curve))?,
+                svg: charts::lines(TIME, what, 230, &curves)?,
             });
             let spectra = lines(|c| &c.density);
             if what != "velocities" && spectra.iter().any(|l| !l.points.is_empty()) {

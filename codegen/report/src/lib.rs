@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`report`] | an identified model: tables and figures of the motion, the forces, the parameters, friction, singular values and errors |
 //! | [`inspected`] | logs before any fit: columns, curves, spectra, and what they can identify |
+//! | [`calibrated`] | the geometry that fits measurements: residuals before and after, where the poses are, what was found |
 //! | [`view::page`] | a mechanism in 3D, moving along a trajectory or swept coordinate by coordinate |
 //! | [`results`] | no page: tables as text, and values for JSON |
 //! | [`documents`] | the JSON schemas of these values |
@@ -15,6 +16,7 @@
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
 //! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 
+mod calibrated;
 mod charts;
 pub mod documents;
 mod error;
@@ -23,6 +25,7 @@ mod figures;
 mod gather;
 mod identified;
 mod inspected;
+mod logs;
 mod mechanics;
 mod page;
 mod residuals;
@@ -30,6 +33,7 @@ pub mod results;
 mod summary;
 pub mod view;
 
+pub use calibrated::calibrated;
 pub use charts::Figure;
 pub use error::{ReportError, ViewError};
 pub use identified::{Inputs, Report, report};

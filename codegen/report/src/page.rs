@@ -8,9 +8,10 @@ use crate::charts::Figure;
 use crate::estimators;
 use crate::gather::Errors;
 use crate::identified::Content;
+use crate::logs;
 use crate::mechanics;
 use crate::residuals;
-use crate::results::error_percent;
+use crate::results::{Field, error_percent};
 use crate::summary;
 use regen_codegen::explain::table::combinations;
 use regen_identify::files::ParameterRow;
@@ -55,6 +56,7 @@ pub(super) fn html(report: &Content<'_>) -> String {
     let mut body = String::new();
     for section in [
         summary::html(report),
+        logs::html(report),
         base(report),
         motion(report),
         forces(report),
@@ -102,16 +104,49 @@ pub(super) fn figure(figure: &Figure) -> String {
     )
 }
 
+/// Labels with the texts beside them; nothing if there are none.
+pub(super) fn terms(all: &[Field]) -> String {
+    let mut rows: Vec<(&str, String)> = Vec::new();
+    for (label, text) in all {
+        match rows.last_mut() {
+            Some((_, before)) if label.is_empty() => {
+                let _ = write!(before, "<br>{}", escaped(text));
+            }
+            _ => rows.push((label, escaped(text))),
+        }
+    }
+    let rows = rows
+        .iter()
+        .map(|(label, text)| format!("<dt>{label}</dt><dd>{text}</dd>\n"));
+    let rows: String = rows.collect();
+    if rows.is_empty() {
+        return rows;
+    }
+    format!("<dl>\n{rows}</dl>\n")
+}
+
+/// The largest number of columns that stand side by side on a narrow screen.
+const MAX_NARROW_COLUMNS: usize = 6;
+
+/// A table, whose rows stand in several lines with the titles at their cells on a screen that is too narrow for
+/// so many columns.
 pub(super) fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
-    let mut out = format!("<table>\n<caption><span>{caption}</span></caption>\n<thead><tr>");
+    let is_stacked = head.len() > MAX_NARROW_COLUMNS;
+    let class = if is_stacked { " class=\"stacked\"" } else { "" };
+    let mut out = format!("<table{class}>\n<caption><span>{caption}</span></caption>\n<thead><tr>");
     for title in head {
         let _ = write!(out, "<th scope=\"col\">{title}</th>");
     }
     out.push_str("</tr></thead>\n<tbody>\n");
     for row in rows {
         out.push_str("<tr>");
-        for cell in row {
-            let _ = write!(out, "<td>{cell}</td>");
+        for (cell, title) in row.iter().zip(head) {
+            if is_stacked {
+                let title = title.replace("<sub>", "").replace("</sub>", "");
+                let _ = write!(out, "<td data-title=\"{title}\">{cell}</td>");
+            } else {
+                let _ = write!(out, "<td>{cell}</td>");
+            }
         }
         out.push_str("</tr>\n");
     }

@@ -1,12 +1,5 @@
-//! The residuals of the efforts: their spectra, the delays of the efforts, and the samples that
-//! were not used.
+//! The spectra of the efforts' residuals.
 
-use std::fmt::Write as _;
-
-use regen_identify::data::Run;
-use regen_identify::identify::{Delay, Delays};
-use regen_identify::session::{Session, from_logs};
-use regen_identify::text;
 use regen_inspect::amplitude_density;
 use regen_interpreted::Interpreted;
 use regen_runtime::Motion;
@@ -14,9 +7,9 @@ use regen_runtime::Motion;
 use crate::ReportError;
 use crate::charts::{self, Figure, GREY, Line, Look, ORANGE};
 use crate::figures::slug;
-use crate::gather::{Errors, LogRows};
+use crate::gather::LogRows;
 use crate::identified::Content;
-use crate::page::{escaped, figure, section, table};
+use crate::page::{figure, section};
 
 /// The spectra of each effort and of its residual; none for logs with few samples.
 pub(super) fn spectra(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figure>, ReportError> {
@@ -64,60 +57,8 @@ pub(super) fn spectra(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Fig
     Ok(figures)
 }
 
-/// The delays of efforts behind the motion, estimated with the base parameters; `None` where this
-/// estimate does not apply to the logs.
-pub(super) fn delays(session: &Session<'_, Interpreted<'_>>, logs: &[Run]) -> Option<Delays> {
-    let mut logs = session.open(logs).ok()?;
-    let start = from_logs(session, &mut logs).ok()?;
-    (!start.delays.efforts.is_empty()).then_some(start.delays)
-}
-
 /// The section of the page.
 pub(super) fn html(report: &Content<'_>) -> String {
-    let mut out = String::new();
-    if let Some(delays) = &report.delays {
-        let one = |delay: &Delay| {
-            let [size, sigma] = [delay.seconds, delay.sigma].map(|s| text::figure(1e3 * s));
-            let note = match delay.slower {
-                _ if delay.is_significant() => ", beyond its error".to_owned(),
-                Some(s) => format!(", but {} ms in slower motion: none", text::figure(1e3 * s)),
-                None => String::new(),
-            };
-            format!("{size} ms (σ {sigma} ms{note})")
-        };
-        let all = delays.efforts.iter();
-        let all = all.map(|delay| format!("{}: {}", escaped(&delay.effort), one(delay)));
-        let all: Vec<String> = all.collect();
-        let _ = writeln!(
-            out,
-            "<p>Delay of the efforts behind the motion beyond what was corrected in reading, estimated \
-             with the base parameters by least squares: {}.</p>",
-            all.join("; ")
-        );
-    }
-    let rows: Vec<Vec<String>> = report.errors.iter().map(left_out).collect();
-    let caption = "Samples: used ones gave equations; singular ones have no reduced efforts; \
-                   unsettled ones are at the ends of filtered runs; resting are equations of \
-                   efforts whose joints stood still";
-    let head = ["log", "used", "singular", "unsettled", "resting"];
-    out.push_str(&table(caption, &head, &rows));
-    report
-        .residuals
-        .iter()
-        .for_each(|f| out.push_str(&figure(f)));
-    section("residuals", "Residuals", &out)
-}
-
-fn left_out(errors: &Errors) -> Vec<String> {
-    let left = &errors.left_out;
-    let counts = [
-        left.samples,
-        left.singular,
-        left.unsettled,
-        left.resting.iter().sum(),
-    ];
-    let counts = counts.iter().map(ToString::to_string);
-    std::iter::once(escaped(&errors.file))
-        .chain(counts)
-        .collect()
+    let figures: String = report.residuals.iter().map(figure).collect();
+    section("residuals", "Residuals", &figures)
 }

@@ -118,7 +118,7 @@ impl Problem<'_> {
     }
 
     /// Whether a coordinate is an angle.
-    pub(crate) fn turns(&self, coordinate: usize) -> bool {
+    pub fn turns(&self, coordinate: usize) -> bool {
         let links = self.kinematics.links.iter();
         let steps = links.flat_map(|link| &link.steps);
         steps

@@ -53,9 +53,12 @@ pub(crate) struct CalibrateArgs {
     /// Write the spec with the geometry that was found; its comments stay
     #[arg(long, value_name = "YAML")]
     pub(crate) geometry: Option<PathBuf>,
+    /// Write a page with the residuals before and after, the poses and what was found
+    #[arg(long, value_name = "HTML")]
+    pub(crate) report: Option<PathBuf>,
     /// Write simulated poses of a mechanism with errors instead, in the columns that FILE names, and
     /// print the true values
-    #[arg(long, value_name = "CSV", conflicts_with_all = ["geometry", "folder"])]
+    #[arg(long, value_name = "CSV", conflicts_with_all = ["geometry", "report", "folder"])]
     pub(crate) simulate: Option<PathBuf>,
     /// The number of simulated poses
     #[arg(long, value_name = "N", default_value_t = 60, requires = "simulate", value_parser = count::<1, 100_000>)]

@@ -9,8 +9,9 @@ use regen_identify::data::Run;
 
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-The page shows the model and its base parameters, the motion and its limits,
-measured and predicted forces, the parameters with their standard deviations,
+The page shows the model and its base parameters, how the logs are read and why,
+the motion and its limits, measured and predicted forces with the rows that are
+missing and the outliers, the parameters with their standard deviations,
 friction, the singular values of the regressor with the certificate of the base
 parameters, and the errors on every log. It is one file that needs no network,
 and can be printed.

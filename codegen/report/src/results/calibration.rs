@@ -7,6 +7,8 @@ use regen_codegen::explain::lines::{columns, field};
 use regen_identify::text::figure_of;
 use serde::Serialize;
 
+use super::identification::{Field, fields};
+
 /// What a calibration found, or what its measurements could tell.
 #[derive(Clone, Debug, Serialize)]
 pub struct Calibrated {
@@ -282,8 +284,7 @@ pub fn chosen_text(found: &Calibrated) -> String {
         found.robot, found.poses, choice.candidates
     );
     if !choice.from_home.is_empty() {
-        let rows: Vec<String> = choice.from_home.iter().map(u64::to_string).collect();
-        out.push_str(&listed("from home", &rows));
+        out.push_str(&field("from home", &listed(&choice.from_home)));
     }
     let rows = choice.indices.iter().map(|own| {
         let [chosen, random] = [own.chosen, own.random].map(|x| figure_of(3, x));
@@ -315,7 +316,7 @@ fn unit(unit: Unit) -> &'static str {
     }
 }
 
-fn group_name(problem: &Problem<'_>, group: Group) -> String {
+pub(crate) fn group_name(problem: &Problem<'_>, group: Group) -> String {
     let of = |k: usize| problem.sensors.get(k).map_or("", |s| s.name.as_str());
     match group {
         Group::Lengths(k) => format!("{}, lengths", of(k)),
@@ -344,24 +345,6 @@ fn fixed(all: &[Fixed]) -> Vec<FixedNumber> {
     each.collect()
 }
 
-/// A label with words in lines that fit beside it.
-fn listed(label: &str, words: &[String]) -> String {
-    let mut lines = vec![String::new()];
-    for word in words {
-        let line = lines.last().map_or(0, String::len);
-        if line > 0 && line + word.len() + 2 > 60 {
-            lines.push(String::new());
-        }
-        if let Some(line) = lines.last_mut() {
-            if !line.is_empty() {
-                line.push_str(", ");
-            }
-            line.push_str(word);
-        }
-    }
-    field(label, &lines.join("\n"))
-}
-
 /// A factor of a combination, and the name of what it multiplies.
 fn term(name: &str, factor: f64, exact: Option<&str>) -> String {
     let sign = if factor < 0.0 { "-" } else { "+" };
@@ -377,53 +360,115 @@ fn term(name: &str, factor: f64, exact: Option<&str>) -> String {
     }
 }
 
+/// What is said of the whole fit.
+pub(crate) fn facts(found: &Calibrated) -> Vec<Field> {
+    let mut out = Vec::new();
+    for (label, rows) in [
+        ("left out", &found.outliers),
+        ("not reached", &found.unreachable),
+    ] {
+        if !rows.is_empty() {
+            out.push((label, listed(rows)));
+        }
+    }
+    if let (Some(chi), Some(degrees)) = (found.chi_square, found.degrees_of_freedom) {
+        let text = format!("{} with {degrees} degrees of freedom", figure_of(4, chi));
+        out.push(("chi-square", text));
+    }
+    if found.converged == Some(false) {
+        let text = "did not end at a minimum: the values are not those that fit best";
+        out.push(("search", text.to_owned()));
+    }
+    out
+}
+
+/// The titles and the rows of the table of what was measured.
+pub(crate) fn measured_rows(found: &Calibrated) -> ([&'static str; 7], Vec<Vec<String>>) {
+    let head = [
+        "measured", "numbers", "noise", "before", "after", "unseen", "unit",
+    ];
+    let rows = found.measured.iter().map(|row| {
+        let noise = figure_of(3, row.sigma);
+        vec![
+            row.what.clone(),
+            row.numbers.to_string(),
+            if row.stated {
+                noise
+            } else {
+                format!("{noise} found")
+            },
+            figure_of(3, row.before),
+            figure_of(3, row.after),
+            figure_of(3, row.unseen),
+            row.unit.to_owned(),
+        ]
+    });
+    (head, rows.collect())
+}
+
+/// The sums of errors that are found as one, and whether any of their factors holds for this geometry alone.
+pub(crate) fn combinations(found: &Calibrated) -> (Vec<String>, bool) {
+    let mut has_numbers = false;
+    let mut stands: Vec<(&str, String)> = Vec::new();
+    for fixed in &found.fixed {
+        for (name, factor, exact) in &fixed.by {
+            has_numbers |= exact.is_none();
+            let text = term(&fixed.name, *factor, exact.as_deref());
+            match stands.iter_mut().find(|(own, _)| own == name) {
+                Some((_, sum)) => *sum += &format!(" {text}"),
+                None => stands.push((name, format!("{name} {text}"))),
+            }
+        }
+    }
+    (
+        stands.into_iter().map(|(_, sum)| sum).collect(),
+        has_numbers,
+    )
+}
+
+/// What stays at its nominal value, why, and what is correlated.
+pub(crate) fn stays(found: &Calibrated) -> Vec<Field> {
+    let mut out = Vec::new();
+    for (why, label) in [
+        ("silent", "no effect"),
+        ("instrument", "as the instrument"),
+        ("loops", "held by loops"),
+        ("not shown", "not shown"),
+    ] {
+        let names = found.fixed.iter().filter(|fixed| fixed.why == why);
+        let names: Vec<&str> = names.map(|fixed| fixed.name.as_str()).collect();
+        if !names.is_empty() {
+            out.push((label, listed(&names)));
+        }
+    }
+    for (a, b, value) in &found.correlated {
+        let text = format!("{a} and {b} by {}", figure_of(3, *value));
+        out.push(("correlated", text));
+    }
+    out
+}
+
+fn listed<T: ToString>(all: &[T]) -> String {
+    let all: Vec<String> = all.iter().map(T::to_string).collect();
+    all.join(", ")
+}
+
 /// The tables of a calibration.
 pub fn calibrated_text(found: &Calibrated) -> String {
     let mut out = match found.poses {
         0 => format!("{}: what such measurements can tell\n", found.robot),
         poses => format!("{}, {poses} poses\n", found.robot),
     };
-    for (label, rows) in [
-        ("left out", &found.outliers),
-        ("not reached", &found.unreachable),
-    ] {
-        if !rows.is_empty() {
-            let rows: Vec<String> = rows.iter().map(u64::to_string).collect();
-            out.push_str(&listed(label, &rows));
-        }
-    }
-    if let (Some(chi), Some(degrees)) = (found.chi_square, found.degrees_of_freedom) {
-        let text = format!("{} with {degrees} degrees of freedom", figure_of(4, chi));
-        out.push_str(&field("chi-square", &text));
-    }
+    out.push_str(&fields(&facts(found)));
     if !found.measured.is_empty() {
-        let head = [
-            "measured", "numbers", "noise", "before", "after", "unseen", "unit",
-        ];
-        let mut table = Vec::new();
-        for row in &found.measured {
-            let noise = figure_of(3, row.sigma);
-            table.push(vec![
-                row.what.clone(),
-                row.numbers.to_string(),
-                if row.stated {
-                    noise
-                } else {
-                    format!("{noise} found")
-                },
-                figure_of(3, row.before),
-                figure_of(3, row.after),
-                figure_of(3, row.unseen),
-                row.unit.to_owned(),
-            ]);
-        }
+        let (head, rows) = measured_rows(found);
         out.push('\n');
-        out.push_str(&columns(&head, &table));
+        out.push_str(&columns(&head, &rows));
     }
     out.push('\n');
     if found.poses == 0 {
-        let names: Vec<String> = found.estimates.iter().map(|e| e.name.clone()).collect();
-        out.push_str(&listed("found", &names));
+        let names: Vec<&str> = found.estimates.iter().map(|e| e.name.as_str()).collect();
+        out.push_str(&field("found", &listed(&names)));
     } else {
         let head = ["unknown", "nominal", "found", "change", "sigma", "unit"];
         let mut table = Vec::new();
@@ -440,51 +485,20 @@ pub fn calibrated_text(found: &Calibrated) -> String {
         }
         out.push_str(&columns(&head, &table));
     }
-    let mut has_numbers = false;
-    let mut stands: Vec<(String, Vec<String>)> = Vec::new();
-    for fixed in &found.fixed {
-        for (name, factor, exact) in &fixed.by {
-            has_numbers |= exact.is_none();
-            let text = term(&fixed.name, *factor, exact.as_deref());
-            match stands.iter_mut().find(|(own, _)| own == name) {
-                Some((_, terms)) => terms.push(text),
-                None => stands.push((name.clone(), vec![text])),
-            }
-        }
-    }
-    if !stands.is_empty() {
+    let (sums, has_numbers) = combinations(found);
+    if !sums.is_empty() {
         out.push_str("\nnot told apart, found as one");
         out.push_str(if has_numbers {
             "; factors in digits are of this geometry alone\n"
         } else {
             "\n"
         });
-        for (name, terms) in &stands {
-            let _ = writeln!(out, "  {name} {}", terms.join(" "));
+        for sum in &sums {
+            let _ = writeln!(out, "  {sum}");
         }
     }
     out.push('\n');
-    for (why, label) in [
-        ("silent", "no effect"),
-        ("instrument", "as the instrument"),
-        ("loops", "held by loops"),
-        ("not shown", "not shown"),
-    ] {
-        let names = found.fixed.iter().filter(|fixed| fixed.why == why);
-        let names: Vec<String> = names.map(|fixed| fixed.name.clone()).collect();
-        if !names.is_empty() {
-            out.push_str(&listed(label, &names));
-        }
-    }
-    for (a, b, value) in &found.correlated {
-        let text = format!("{a} and {b} by {}", figure_of(3, *value));
-        out.push_str(&field("correlated", &text));
-    }
-    if found.converged == Some(false) {
-        out.push_str(
-            "the search did not end at a minimum: the values are not those that fit best\n",
-        );
-    }
+    out.push_str(&fields(&stays(found)));
     for doubt in &found.doubts {
         let _ = writeln!(out, "warning: {doubt}");
     }

@@ -33,14 +33,19 @@ pub use calibration::{
     Calibrated, ChosenPoses, Compared, FixedNumber, FoundNumber, Instrument, MeasuredFit,
     calibrated_text, chosen_text,
 };
+pub(crate) use calibration::{
+    combinations, facts as calibration_facts, group_name, measured_rows, stays as calibration_stays,
+};
 pub use excitation::{Excited, excited_text};
 pub use explanation::{ExplanationJson, explanation, explanation_text};
 pub use identification::{
-    BiasRemedy, EffortSummary, EffortsOfLogs, Identification, Instruments, LogFile, ModelErrors,
-    ReductionStep, Rounds, Search, Simulated, Summary, Suspected, coarse_friction,
-    corrected_delays_text, error_percent, filter_text, identification_text, noisy_accelerations,
-    reduction_steps, resting, states_delays, stem, too_few, too_short, unexplained,
+    BiasRemedy, EffortSummary, EffortsOfLogs, Identification, Instruments, LOCK_JOINTS, LogFile,
+    ModelErrors, READ_AS_POSES, ReductionStep, Rounds, Search, Simulated, Summary, Suspected,
+    coarse_friction, corrected_delays_text, doubts_of_log, error_percent, filter_text,
+    identification_text, noisy_accelerations, reduction_steps, resting, states_delays, stem,
+    too_few, too_short, unexplained,
 };
+pub(crate) use identification::{Field, choice_fields, delay_fields};
 pub use info::{Info, info, info_text};
 pub use inspection::{Inspection, inspection_text};
 pub use observation::{Observed, observed_text};

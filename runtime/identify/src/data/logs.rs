@@ -56,6 +56,8 @@ pub struct FileReport {
     /// The efforts, by their columns, that jump in some rows and are back in the next ones, where these rows
     /// were bridged; the largest jump is in the unit of the column.
     pub spikes: Vec<(String, Spikes)>,
+    /// Where rows are missing, left out or interpolated.
+    pub missing: MissingRows,
     /// The longest time without a gap or a row that is left out, s.
     pub longest: f64,
     /// The time without these at both of whose ends the filters settle, s: a shorter one gives no
@@ -65,6 +67,37 @@ pub struct FileReport {
     pub problems: Problems,
     /// What was done with the faulty rows.
     pub policies: Policies,
+}
+
+/// Rows of a log that are missing, left out, or interpolated as an entry of theirs is no measurement.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MissingRows {
+    /// Their number.
+    pub count: usize,
+    /// The times of the used rows around them, s; at most [`Self::MAX_SPANS`] of these places.
+    pub spans: Vec<[f64; 2]>,
+    /// The time of the first row that is used, s.
+    pub start: f64,
+}
+
+impl MissingRows {
+    /// The largest number of places that are kept.
+    pub const MAX_SPANS: usize = 10_000;
+
+    /// Counts what is missing between two rows that are used.
+    ///
+    /// - `step`: the usual one, s.
+    fn between(&mut self, before: f64, time: f64, step: f64) {
+        let rows = ((time - before) / step).round() - 1.0;
+        if rows >= 1.0 {
+            #[allow(clippy::cast_sign_loss, reason = "at least 1")]
+            let rows = rows as usize;
+            self.count += rows;
+            if self.spans.len() < Self::MAX_SPANS {
+                self.spans.push([before, time]);
+            }
+        }
+    }
 }
 
 /// One opened log file, with the results of its first passes.
@@ -212,6 +245,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             let mut of_velocities = differences.clone();
             let mut sketch = Sketch::default();
             let mut was_bridged = false;
+            let (mut missing, mut last, step) = (MissingRows::default(), None, survey.time_step());
             let (mut start, mut longest, mut segments) = (0.0, 0.0_f64, 0_usize);
             let bridged = file.rows(
                 &survey,
@@ -230,6 +264,10 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                         return Ok(());
                     }
                     rows += 1;
+                    match last.replace(time) {
+                        Some(before) => missing.between(before, time, step),
+                        None => missing.start = time,
+                    }
                     sketch.push(row.values.get(1..).unwrap_or_default());
                     let positions = &row.values[file.layout.positions()];
                     for (all, value) in differences.iter_mut().zip(positions) {
@@ -313,6 +351,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 } else {
                     Vec::new()
                 },
+                missing,
                 longest,
                 settling: settling(&file, &survey, settings),
                 problems,

@@ -57,7 +57,7 @@ mod window;
 pub use bridge::Bridged;
 pub(crate) use columns::UNITS;
 pub use columns::{Assignment, AssignmentError, Quantity, ValuesFrom};
-pub use logs::{FileReport, Logs};
+pub use logs::{FileReport, Logs, MissingRows};
 pub(crate) use noise_levels::NoiseLevels;
 pub use parsed::ParsedFiles;
 pub use policy::{Checks, Gaps, Policies, Policy};

@@ -1,35 +1,44 @@
 //! Writes the delays between motion and logged efforts.
 
-use regen_codegen::explain::lines::field;
 use regen_identify::identify::{Delay, Delays};
 use regen_identify::text::figure;
 
-/// Lines on delays: those that were corrected, and those that differ from zero by more than chance
-/// explains. One that slower motion contradicts is not stated, but the first such
-/// one is named with the reason. Efforts that seem to be early may be those of a controller that
-/// answers the noise of measured positions: they are correlated with noise that came before.
-///
-/// - `errors`: eps_RA with the delays and with `--delay auto`, percent, where that was tried.
+use super::logs::{Field, fields};
+
+/// The lines on delays, see [`delay_fields`].
 pub(super) fn delays_text(
     found: &Delays,
     corrected: &[(String, f64)],
     errors: Option<(f64, f64)>,
 ) -> String {
-    let mut out = corrected_delays_text(corrected);
+    fields(&delay_fields(found, corrected, errors))
+}
+
+/// What is said of delays: those that were corrected, and those that differ from zero by more than chance
+/// explains. One that slower motion contradicts is not stated, but the first such
+/// one is named with the reason. Efforts that seem to be early may be those of a controller that
+/// answers the noise of measured positions: they are correlated with noise that came before.
+///
+/// - `errors`: eps_RA with the delays and with `--delay auto`, percent, where that was tried.
+pub(crate) fn delay_fields(
+    found: &Delays,
+    corrected: &[(String, f64)],
+    errors: Option<(f64, f64)>,
+) -> Vec<Field> {
+    let mut out = corrected_fields(corrected);
+    let already = out.len();
     let mut early = false;
     let mut line = |delay: &Delay, who: &str| {
         early |= delay.seconds < 0.0;
         let side = if delay.seconds > 0.0 { "late" } else { "early" };
         let size = milliseconds(delay.seconds.abs());
         let sigma = milliseconds(delay.sigma);
-        field(
-            "delay",
-            &format!("{who} {size} ms {side}, sigma {sigma} ms"),
-        )
+        let text = format!("{who} {size} ms {side}, sigma {sigma} ms");
+        ("delay", text)
     };
     let whole = found.common.as_ref().filter(|d| matters(d));
     if let Some(all) = whole {
-        out.push_str(&line(all, "all efforts are logged"));
+        out.push(line(all, "all efforts are logged"));
     }
     for delay in &found.efforts {
         let own = match whole {
@@ -41,10 +50,10 @@ pub(super) fn delays_text(
             None => matters(delay),
         };
         if own {
-            out.push_str(&line(delay, &format!("{} is logged", delay.effort)));
+            out.push(line(delay, &format!("{} is logged", delay.effort)));
         }
     }
-    let is_stated = out.len() > corrected_delays_text(corrected).len();
+    let is_stated = out.len() > already;
     if let Some((with, without)) = errors
         && is_stated
         && corrected.is_empty()
@@ -54,11 +63,11 @@ pub(super) fn delays_text(
         } else {
             "--delay auto does not make eps_RA smaller (tried)".to_owned()
         };
-        out.push_str(&field("", &text));
+        out.push(("", text));
     }
     if early {
         let text = "efforts of a controller that answers noise of positions seem early too";
-        out.push_str(&field("", text));
+        out.push(("", text.to_owned()));
     }
     let mut all = found.common.iter().chain(&found.efforts);
     if let Some((seconds, slower)) = all.find_map(contradicted)
@@ -69,9 +78,9 @@ pub(super) fn delays_text(
             sided(seconds),
             sided(slower)
         );
-        out.push_str(&field("delay", &text));
+        out.push(("delay", text));
         let text = "the controller may answer noise, or the model lack a part";
-        out.push_str(&field("", text));
+        out.push(("", text.to_owned()));
     }
     out
 }
@@ -107,9 +116,13 @@ fn milliseconds(seconds: f64) -> String {
 
 /// Lines on the delays, s, by which efforts were corrected while reading.
 pub fn corrected_delays_text(corrected: &[(String, f64)]) -> String {
+    fields(&corrected_fields(corrected))
+}
+
+fn corrected_fields(corrected: &[(String, f64)]) -> Vec<Field> {
     let line = |(name, seconds): &(String, f64)| {
         let text = format!("of {name} corrected by {} ms", milliseconds(*seconds));
-        field("delay", &text)
+        ("delay", text)
     };
     corrected.iter().map(line).collect()
 }

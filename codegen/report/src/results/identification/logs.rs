@@ -2,7 +2,7 @@
 
 use regen_codegen::explain::lines::field;
 use regen_identify::choice::{Candidate, Choice};
-use regen_identify::data::FileReport;
+use regen_identify::data::{Bridged, FileReport, Policies, Policy, Problems, Spikes};
 use regen_identify::identify::LeftOut;
 use regen_identify::text::figure_of;
 use serde::Serialize;
@@ -71,10 +71,23 @@ impl LogFile {
     }
 }
 
-/// The filter that was chosen and why, as lines of text; empty where none was.
+/// What was chosen and why, as lines of text; empty where nothing was.
 pub fn filter_text(choice: Option<&Choice>) -> String {
+    fields(&choice_fields(choice))
+}
+
+/// A label and a text beside it; one without a label continues the text before it.
+pub(crate) type Field = (&'static str, String);
+
+/// The lines of some fields.
+pub(crate) fn fields(all: &[Field]) -> String {
+    all.iter().map(|(label, text)| field(label, text)).collect()
+}
+
+/// The filter or series, the velocities and the loss that were chosen, with the figures they were chosen by.
+pub(crate) fn choice_fields(choice: Option<&Choice>) -> Vec<Field> {
     let Some(choice) = choice else {
-        return String::new();
+        return Vec::new();
     };
     let grid = choice.resample.map_or_else(String::new, |rate| {
         format!(", on an even grid of {rate} Hz")
@@ -87,7 +100,7 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
         "--butterworth {},{} --decimate {}{grid}",
         choice.order, choice.cutoff, choice.decimation
     );
-    let mut out = String::new();
+    let mut out = Vec::new();
     if let Some(own) = &choice.series {
         let series = share(own.series);
         let filtered = own.filtered.map_or_else(
@@ -100,19 +113,18 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
         } else {
             ("a filter".to_owned(), format!("a filter {filtered}"))
         };
-        out.push_str(&field(
-            "series",
-            &format!(
-                "{used}: the motion repeats itself{}, and its series leaves an error of {series} % of the \
-                 efforts, {other}",
-                parts_text(&own.parts)
-            ),
-        ));
+        let text = format!(
+            "{used}: the motion repeats itself{}, and its series leaves an error of {series} % of the efforts, \
+             {other}",
+            parts_text(&own.parts)
+        );
+        out.push(("series", text));
         if own.is_used {
-            return out + &alternatives_text(choice);
+            out.extend(alternatives(choice));
+            return out;
         }
     }
-    out.push_str(&field("filter", &format!("{filter}, {reason}")));
+    out.push(("filter", format!("{filter}, {reason}")));
     let line = |own: &Candidate| {
         let far = if own.apart > 0.0 {
             format!(", and is {} % from that of lower ones", share(own.apart))
@@ -138,9 +150,10 @@ pub fn filter_text(choice: Option<&Choice>) -> String {
         shown.push(last);
     }
     for own in shown.into_iter().filter_map(|k| choice.candidates.get(k)) {
-        out.push_str(&field("", &line(own)));
+        out.push(("", line(own)));
     }
-    out + &alternatives_text(choice)
+    out.extend(alternatives(choice));
+    out
 }
 
 /// The parts of logs in which the motion repeats itself, in words; empty where it does in whole logs.
@@ -159,9 +172,9 @@ fn parts_text(parts: &[[f64; 2]]) -> String {
     format!(" from {}", texts.join(", "))
 }
 
-/// The velocities and the loss that were chosen and why, as lines of text.
-fn alternatives_text(choice: &Choice) -> String {
-    let mut out = String::new();
+/// The velocities and the loss that were chosen and why.
+fn alternatives(choice: &Choice) -> Vec<Field> {
+    let mut out = Vec::new();
     if let Some(own) = choice.velocities {
         let (measured, computed) = (share(own.measured), share(own.computed));
         let used = if own.are_computed {
@@ -169,13 +182,10 @@ fn alternatives_text(choice: &Choice) -> String {
         } else {
             "measured"
         };
-        out.push_str(&field(
-            "velocities",
-            &format!(
-                "{used}: measured ones leave an error of {measured} % of the efforts, computed ones \
-                 {computed} %"
-            ),
-        ));
+        let text = format!(
+            "{used}: measured ones leave an error of {measured} % of the efforts, computed ones {computed} %"
+        );
+        out.push(("velocities", text));
     }
     if let Some(own) = choice.loss {
         let (squares, bounded) = (share(own.squares), share(own.bounded));
@@ -183,12 +193,10 @@ fn alternatives_text(choice: &Choice) -> String {
             || "squares".to_owned(),
             |bound| format!("--huber {bound}, residuals have heavy tails"),
         );
-        out.push_str(&field(
-            "loss",
-            &format!(
-                "{used}: squares leave an error of {squares} % of the efforts, Huber's loss {bounded} %"
-            ),
-        ));
+        let text = format!(
+            "{used}: squares leave an error of {squares} % of the efforts, Huber's loss {bounded} %"
+        );
+        out.push(("loss", text));
     }
     out
 }
@@ -211,4 +219,146 @@ pub fn resting(left: &LeftOut) -> String {
         "at rest",
         &format!("{share:.2} % of the equations left out"),
     )
+}
+
+/// What is done with joints that stand still.
+pub const LOCK_JOINTS: &str = "joints that never move can be locked, by `regen import --lock` or as `type: fixed` in the spec";
+/// What is done with rows that are poses at rest.
+pub const READ_AS_POSES: &str = "they jump from row to row as separate poses do, which are read with --poses in place of a \
+                                 rate: it identifies the parameters of gravity";
+
+/// What is doubtful in a log, and which of its rows were left out or interpolated: a text for each, without the
+/// name of the log.
+///
+/// ```
+/// use regen_identify::data::FileReport;
+/// use regen_report::results::doubts_of_log;
+///
+/// let mut log = FileReport { rows: 97, ..FileReport::default() };
+/// assert_eq!(doubts_of_log(&log), [""; 0]);
+/// (log.bridged.count, log.bridged.rows, log.bridged.largest) = (2, 3, 2);
+/// let found = doubts_of_log(&log);
+/// assert!(found[0].starts_with("2 gaps or dropouts of up to 2 rows were bridged: 3 rows (3.0 %)"), "{found:?}");
+/// ```
+pub fn doubts_of_log(report: &FileReport) -> Vec<String> {
+    let mut out = Vec::new();
+    if !report.still.is_empty() {
+        let still = report.still.join(", ");
+        out.push(if report.are_poses {
+            format!("without motion: {still}; {READ_AS_POSES}")
+        } else {
+            format!(
+                "without motion: {still}; parameters that only it determines cannot be identified; {LOCK_JOINTS}"
+            )
+        });
+    }
+    if let Some((first, last)) = report.uncut {
+        out.push(format!(
+            "these times leave out no row: those of the log are from {first} s to {last} s; `times` are in s, \
+             whatever the unit of the column of time is"
+        ));
+    }
+    if let Some((other, part)) = &report.repeats {
+        out.push(format!(
+            "{} % of its rows are rows of {other} too: as they count twice, deviations are too small; leave one \
+             of them out",
+            figure_of(3, 100.0 * part)
+        ));
+    }
+    out.extend(spikes(report));
+    out.extend(gaps(report));
+    for policy in [Policy::Fail, Policy::Drop, Policy::Tell, Policy::Keep] {
+        let problems = report.problems.treated(&report.policies, policy);
+        out.extend(treated(&problems, policy));
+    }
+    out
+}
+
+/// Which efforts jump in single rows of a log.
+fn spikes(report: &FileReport) -> Option<String> {
+    let one = |(column, own): &(String, Spikes)| {
+        let rows = if own.rows == 1 {
+            format!("row {}", own.row)
+        } else {
+            format!("{} rows, the first is row {}", own.rows, own.row)
+        };
+        format!("`{column}` by up to {} ({rows})", figure_of(3, own.largest))
+    };
+    let columns: Vec<String> = report.spikes.iter().map(one).collect();
+    (!columns.is_empty()).then(|| {
+        format!(
+            "efforts jump and are back in the next row: column {}: they count as missing; \
+             `checks: {{outliers: keep}}` uses them",
+            columns.join(", ")
+        )
+    })
+}
+
+/// What was done with the gaps and dropouts of a log.
+fn gaps(report: &FileReport) -> Option<String> {
+    let Bridged {
+        count,
+        rows,
+        largest,
+        cuts,
+        longest,
+    } = report.bridged;
+    let s = |count: usize| if count == 1 { "" } else { "s" };
+    let parts = |count: usize| {
+        if report.spikes.is_empty() {
+            format!("{count} gap{0} or dropout{0}", s(count))
+        } else {
+            format!("{count} gap{0}, dropout{0} or jump{0} of efforts", s(count))
+        }
+    };
+    let bridged = (count > 0).then(|| {
+        let part = 100.0 * rows as f64 / (report.rows + rows) as f64;
+        format!(
+            "{} of up to {largest} row{} {} bridged: {rows} row{} ({} %) {} interpolated, and the \
+             equations within left out",
+            parts(count),
+            s(largest),
+            if count == 1 { "was" } else { "were" },
+            s(rows),
+            figure_of(2, part),
+            if rows == 1 { "is" } else { "are" },
+        )
+    });
+    let divided = (cuts > 0 && longest > 0.0).then(|| {
+        let what = if count > 0 {
+            format!("{cuts} more")
+        } else {
+            parts(cuts)
+        };
+        format!(
+            "{what}, longer than the {} s that the filter bridges, divide{} the log",
+            figure_of(3, longest),
+            if cuts == 1 { "s" } else { "" },
+        )
+    });
+    let said: Vec<String> = bridged.into_iter().chain(divided).collect();
+    (!said.is_empty()).then(|| said.join("; "))
+}
+
+/// The rows of a log that were treated in one way.
+fn treated(problems: &Problems, policy: Policy) -> Option<String> {
+    let what = match policy {
+        Policy::Keep => {
+            // rows that even `keep` cannot use are reported
+            let lost = problems.left_out(&Policies::from(policy));
+            let kinds = lost.iter().map(|(kind, count)| format!("{count} x {kind}"));
+            let kinds: Vec<String> = kinds.collect();
+            return (!kinds.is_empty()).then(|| {
+                format!(
+                    "rows that cannot be kept were left out: {}",
+                    kinds.join(", ")
+                )
+            });
+        }
+        Policy::Tell => "are doubtful; those that are numbers are used",
+        Policy::Fail | Policy::Drop => "were left out",
+    };
+    let count = problems.total();
+    let text = format!("{count} rows or gaps {what}\n{problems}");
+    (count > 0).then(|| text.trim_end().to_owned())
 }

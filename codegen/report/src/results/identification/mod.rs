@@ -10,9 +10,11 @@ mod summary;
 mod text;
 mod warnings;
 
+pub(crate) use delays::delay_fields;
 pub use delays::{corrected_delays_text, states_delays};
 pub use instruments::Instruments;
-pub use logs::{LogFile, filter_text, resting};
+pub(crate) use logs::{Field, choice_fields, fields};
+pub use logs::{LOCK_JOINTS, LogFile, READ_AS_POSES, doubts_of_log, filter_text, resting};
 pub use models::{error_percent, stem};
 pub use simulated::{EffortsOfLogs, Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};
