@@ -214,3 +214,72 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::fs;
+    use std::path::Path;
+
+    use regen_codegen::Mechanism;
+    use regen_codegen::diag::Source;
+
+    use super::*;
+    use crate::{EquationSet, Parameters, Style, equations, kinds};
+
+    #[test]
+    fn no_line_is_wider_than_a_column_of_a_paper() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
+        let (mut lines, mut widest) = (0, 0.0_f64);
+        let files = fs::read_dir(folder).unwrap();
+        let mut files: Vec<_> = files.map(|entry| entry.unwrap().path()).collect();
+        files.retain(|path| path.extension().is_some_and(|end| end == "yaml"));
+        assert!(files.len() > 10);
+        files.sort();
+        for path in files {
+            let name = path.display();
+            let text = fs::read_to_string(&path).unwrap();
+            let mechanism = Mechanism::open(&Source::new("robot.yaml", &text)).unwrap();
+            for of in [
+                EquationSet::Closure,
+                EquationSet::Jacobian,
+                EquationSet::X,
+                EquationSet::Regressor,
+                EquationSet::Dynamics,
+            ] {
+                let robot = mechanism
+                    .robot_in_names(&kinds(of, Parameters::All))
+                    .unwrap();
+                // not every robot has loops
+                let Ok(text) = equations(&robot, of, Parameters::All, Style::Latex) else {
+                    continue;
+                };
+                let body = text.split("\\begin{align*}\n").nth(1).unwrap();
+                let body = body.split("\n\\end{align*}").next().unwrap();
+                // a matrix is one line as wide as its columns are
+                let body = match body.split_once("\\begin{bmatrix}") {
+                    Some((before, matrix)) => {
+                        let rows = matrix.split("\\end").next().unwrap().split("\\\\");
+                        let of = |row: &str| row.split('&').map(|x| width(x) + 10.0).sum::<f64>();
+                        assert!(rows.map(of).all(|w| w < COLUMN), "{matrix}");
+                        before
+                    }
+                    None => body,
+                };
+                let all: Vec<&str> = body.split("\\\\\n").collect();
+                let left = all
+                    .iter()
+                    .filter_map(|line| Some(width(line.split_once("&=")?.0)));
+                let left = left.fold(0.0, f64::max);
+                for line in all {
+                    let right = line.split_once('&').unwrap().1;
+                    let own = left + width(right);
+                    assert!(own <= COLUMN + 1e-9, "{name}: {own} pt: {line}");
+                    (lines, widest) = (lines + 1, widest.max(own));
+                }
+            }
+        }
+        assert!(lines > 500 && widest > 0.9 * COLUMN, "{lines} {widest}");
+    }
+}

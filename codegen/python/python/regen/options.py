@@ -556,6 +556,8 @@ class CalibrateOptions(TypedDict, total=False):
     perturb: Value | None
     #: The number of simulated poses
     poses: Value | None
+    #: Write a page with the residuals before and after, the poses and what was found
+    report: Value | None
     #: The seed of simulated errors and noise
     seed: Value | None
     #: Write simulated poses of a mechanism with errors instead, in the columns that FILE names, and print the true values
