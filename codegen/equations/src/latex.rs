@@ -83,9 +83,8 @@ impl Spelling for Latex<'_> {
         if width(&above.0).max(width(&below.0)) <= MAX_UNBROKEN {
             return (format!("\\frac{{{}}}{{{}}}", above.0, below.0), Level::Atom);
         }
-        let grouped = |(text, own): (String, Level), least: Level| match own < least {
-            true => self.group(&text),
-            false => text,
+        let grouped = |(text, own): (String, Level), least: Level| {
+            if own < least { self.group(&text) } else { text }
         };
         let (above, below) = (grouped(above, Level::Product), grouped(below, Level::Power));
         // in parentheses wherever it is a factor, which would seem to belong to the denominator

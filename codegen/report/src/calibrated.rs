@@ -111,29 +111,39 @@ fn summary(found: &Calibrated) -> String {
     section("summary", "What was measured", &out)
 }
 
+/// The poses that were used, in the order of their residuals, as indices into the problem's: rows of several logs
+/// have the same numbers.
+fn used(problem: &Problem<'_>, fit: &Fit) -> Vec<usize> {
+    let mut rest = problem.poses.iter().enumerate();
+    let own = fit.residuals.iter();
+    own.filter_map(|own| Some(rest.find(|(_, pose)| pose.row == own.row)?.0))
+        .collect()
+}
+
 /// The numbers of one kind at a pose that was used.
-struct AtPose {
-    row: u64,
+struct AtPose<'p> {
+    pose: &'p Pose,
     before: Vec<f64>,
     after: Vec<f64>,
 }
 
 /// The residuals of one kind, pose by pose.
-fn of_group(fit: &Fit, group: Group) -> Vec<AtPose> {
-    let own = fit.residuals.iter().map(|pose| {
+fn of_group<'p>(problem: &Problem<'p>, fit: &Fit, group: Group) -> Vec<AtPose<'p>> {
+    let used = used(problem, fit);
+    let own = fit.residuals.iter().zip(&used).filter_map(|(own, k)| {
         let of = |values: &[f64]| -> Vec<f64> {
-            let own = pose.groups.iter().zip(values);
+            let own = own.groups.iter().zip(values);
             own.filter(|(own, _)| **own == group)
                 .map(|(_, x)| *x)
                 .collect()
         };
-        AtPose {
-            row: pose.row,
-            before: of(&pose.before),
-            after: of(&pose.after),
-        }
+        Some(AtPose {
+            pose: problem.poses.get(*k)?,
+            before: of(&own.before),
+            after: of(&own.after),
+        })
     });
-    own.filter(|pose| !pose.after.is_empty()).collect()
+    own.filter(|at| !at.after.is_empty()).collect()
 }
 
 fn is_length(group: Group) -> bool {
@@ -151,16 +161,16 @@ fn residuals(found: &Calibrated, problem: &Problem<'_>, fit: &Fit) -> Result<Str
     let mut out = table(caption, &head, &rows);
     for own in &fit.groups {
         let name = group_name(problem, own.group);
-        let poses = of_group(fit, own.group);
+        let poses = of_group(problem, fit, own.group);
         let unit = if is_length(own.group) { "mm" } else { "mrad" };
-        let drawn = |of: fn(&AtPose) -> &Vec<f64>| -> Vec<Line> {
+        let drawn = |of: for<'a> fn(&'a AtPose<'_>) -> &'a [f64]| -> Vec<Line> {
             let count = poses.iter().map(|pose| of(pose).len()).max().unwrap_or(0);
             let axes = if count == 3 { ["x", "y", "z"] } else { [""; 3] };
             let dyes = LINE_COLOURS.iter().cycle();
             let lines = (0..count).zip(dyes).map(|(k, dye)| Line {
                 label: axes.get(k).copied().unwrap_or_default().to_owned(),
                 points: (poses.iter())
-                    .filter_map(|pose| Some((pose.row as f64, 1e3 * of(pose).get(k)?)))
+                    .filter_map(|pose| Some((pose.pose.row as f64, 1e3 * of(pose).get(k)?)))
                     .collect(),
                 dye: *dye,
                 look: Look::Dots,
@@ -168,7 +178,7 @@ fn residuals(found: &Calibrated, problem: &Problem<'_>, fit: &Fit) -> Result<Str
             lines.collect()
         };
         let [above, below] = ["before", "after"].map(|what| format!("{what}, {unit}"));
-        let (before, after) = (drawn(|pose| &pose.before), drawn(|pose| &pose.after));
+        let (before, after) = (drawn(|own| &own.before), drawn(|own| &own.after));
         out.push_str(&figure(&Figure {
             name: format!("residuals-{}", slug(&name)),
             caption: format!("residuals of {name}, pose by pose: predicted less measured"),
@@ -206,20 +216,23 @@ fn magnified(longest: f64, wanted: f64) -> f64 {
 /// Points that a sensor measured with the vectors of their residuals, from above and from the side.
 fn maps(problem: &Problem<'_>, fit: &Fit, sensor: usize) -> Result<String, ReportError> {
     let mut out = String::new();
-    let all: Vec<[f64; 3]> = (problem.poses.iter())
-        .filter_map(|pose| seen(pose, sensor))
-        .collect();
-    let used = of_group(fit, Group::Lengths(sensor));
-    let arrows: Vec<([f64; 3], [[f64; 3]; 2])> = used
-        .iter()
-        .filter_map(|own| {
-            let pose = problem.poses.iter().find(|pose| pose.row == own.row)?;
-            let both = [own.before.first_chunk()?, own.after.first_chunk()?];
-            Some((seen(pose, sensor)?, both.map(|vector| *vector)))
-        })
-        .collect();
+    let used = used(problem, fit);
+    let points = |is_wanted: bool| -> Vec<[f64; 3]> {
+        let poses = problem.poses.iter().enumerate();
+        let own = poses.filter(|(k, _)| used.contains(k) == is_wanted);
+        own.filter_map(|(_, pose)| seen(pose, sensor)).collect()
+    };
+    let (kept, left_out) = (points(true), points(false));
+    let arrows: Vec<([f64; 3], [[f64; 3]; 2])> = (of_group(problem, fit, Group::Lengths(sensor))
+        .iter())
+    .filter_map(|own| {
+        let both = [own.before.first_chunk()?, own.after.first_chunk()?];
+        Some((seen(own.pose, sensor)?, both.map(|vector| *vector)))
+    })
+    .collect();
     let ends = |k: usize| {
-        let own = all.iter().map(|point| point[k]).filter(|x| x.is_finite());
+        let all = kept.iter().chain(&left_out);
+        let own = all.map(|point| point[k]).filter(|x| x.is_finite());
         own.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], x| {
             [lo.min(x), hi.max(x)]
         })
@@ -263,11 +276,9 @@ fn maps(problem: &Problem<'_>, fit: &Fit, sensor: usize) -> Result<String, Repor
                 look: Look::Solid,
             }
         };
-        let is_used = |point: &[f64; 3]| arrows.iter().any(|(own, _)| own == point);
-        let dots = |is_wanted: bool, label: &str, dye| Line {
+        let dots = |points: &[[f64; 3]], label: &str, dye| Line {
             label: label.to_owned(),
-            points: (all.iter())
-                .filter(|point| is_used(point) == is_wanted)
+            points: (points.iter())
                 .map(|point| (point[across], point[up]))
                 .collect(),
             dye,
@@ -276,12 +287,11 @@ fn maps(problem: &Problem<'_>, fit: &Fit, sensor: usize) -> Result<String, Repor
         let mut lines = vec![
             vectors(0, GREY),
             vectors(1, BLUE),
-            dots(true, "measured point", BLUE),
+            dots(&kept, "measured point", BLUE),
             ground(&spans[across], &spans[up]),
         ];
-        let left_out = dots(false, "left out", RED);
-        if !left_out.points.is_empty() {
-            lines.push(left_out);
+        if !left_out.is_empty() {
+            lines.push(dots(&left_out, "left out", RED));
         }
         let [x, y] = [across, up].map(|k| ["x, m", "y, m", "z, m"][k]);
         out.push_str(&figure(&Figure {
@@ -422,8 +432,7 @@ fn six(value: f64) -> String {
 /// The readings of all poses, with those that were left out.
 fn poses(problem: &Problem<'_>, fit: &Fit) -> Result<String, ReportError> {
     let mut out = String::new();
-    let is_left_out =
-        |pose: &Pose| fit.outliers.contains(&pose.row) || fit.unreachable.contains(&pose.row);
+    let used = used(problem, fit);
     for (turns, name, unit) in [(true, "turns", "rad"), (false, "shifts", "m")] {
         let own: Vec<usize> = (0..problem.measured.len())
             .filter(|k| {
@@ -437,12 +446,10 @@ fn poses(problem: &Problem<'_>, fit: &Fit) -> Result<String, ReportError> {
             continue;
         }
         let points = |k: usize, left_out: bool| -> Vec<(f64, f64)> {
-            let poses = problem
-                .poses
-                .iter()
-                .filter(|pose| is_left_out(pose) == left_out);
+            let poses = problem.poses.iter().enumerate();
+            let poses = poses.filter(|(at, _)| used.contains(at) != left_out);
             poses
-                .filter_map(|pose| Some((pose.row as f64, *pose.readings.get(k)?)))
+                .filter_map(|(_, pose)| Some((pose.row as f64, *pose.readings.get(k)?)))
                 .collect()
         };
         let of = |k: usize| {

@@ -415,7 +415,7 @@ pub(crate) fn combinations(found: &Calibrated) -> (Vec<String>, bool) {
             has_numbers |= exact.is_none();
             let text = term(&fixed.name, *factor, exact.as_deref());
             match stands.iter_mut().find(|(own, _)| own == name) {
-                Some((_, sum)) => *sum += &format!(" {text}"),
+                Some((_, sum)) => sum.push_str(&(" ".to_owned() + &text)),
                 None => stands.push((name, format!("{name} {text}"))),
             }
         }
