@@ -290,7 +290,7 @@ fn a_calibration_is_shown_with_its_residuals_its_poses_and_what_was_found() {
 
 /// What is cut off at the side or must be scrolled: each element but the drawings, whose letters stay as large
 /// as they are.
-const CUT_OFF: &str = "(() => { const out = []; \
+pub(crate) const CUT_OFF: &str = "(() => { const out = []; \
     if (document.documentElement.scrollWidth > innerWidth) out.push('the page'); \
     for (const e of document.querySelectorAll('section, article, table, caption, th, td, dl, dd, li, p, pre, h1, h2')) { \
         const box = e.getBoundingClientRect(); \

@@ -10,6 +10,7 @@ use serde_json::json;
 use crate::common::driven::Driven;
 use crate::common::{root, scratch};
 use crate::pages::browser;
+use crate::pages_logs::CUT_OFF;
 use crate::serve::Served;
 
 /// A browser at the page of a served five-bar, once everything is shown.
@@ -36,20 +37,8 @@ fn select(page: &mut Driven, word: &str) {
 /// Turns the camera by dragging the mouse across the view. Its page, in a frame that this one cannot
 /// read, may not have been loaded yet: the mouse tries again until the view says where its camera is.
 fn turn_the_camera(page: &mut Driven) {
-    let corner = "document.getElementById('frame-view').getBoundingClientRect()";
     for _ in 0..30 {
-        // above the controls, whose height depends on the browser
-        let x = page.value(&format!("{corner}.left + {corner}.width / 2"));
-        let y = page.value(&format!("{corner}.top + {corner}.height / 4"));
-        for (kind, shift) in [
-            ("mousePressed", 0.0),
-            ("mouseMoved", 100.0),
-            ("mouseReleased", 100.0),
-        ] {
-            let at = json!({"type": kind, "x": x.as_f64().unwrap() + shift, "y": y,
-                "button": "left", "buttons": 1, "clickCount": 1});
-            page.ask("Input.dispatchMouseEvent", &at);
-        }
+        drag_in_the_view(page, 100.0);
         for _ in 0..40 {
             if page.value("Boolean(document.getElementById('frame-view').dataset.camera)") == true {
                 return;
@@ -58,6 +47,23 @@ fn turn_the_camera(page: &mut Driven) {
         }
     }
     panic!("the view never says where its camera is: {:?}", page.errors);
+}
+
+/// Drags the mouse in the view by so many pixels to the right.
+fn drag_in_the_view(page: &mut Driven, by: f64) {
+    let corner = "document.getElementById('frame-view').getBoundingClientRect()";
+    // above the controls, whose height depends on the browser
+    let x = page.value(&format!("{corner}.left + {corner}.width / 2"));
+    let y = page.value(&format!("{corner}.top + {corner}.height / 4"));
+    for (kind, shift) in [
+        ("mousePressed", 0.0),
+        ("mouseMoved", by),
+        ("mouseReleased", by),
+    ] {
+        let at = json!({"type": kind, "x": x.as_f64().unwrap() + shift, "y": y,
+            "button": "left", "buttons": 1, "clickCount": 1});
+        page.ask("Input.dispatchMouseEvent", &at);
+    }
 }
 
 #[test]
@@ -158,6 +164,8 @@ fn press(page: &mut Driven, key: &str, code: u32) {
 /// view loads what the last edit made is lost, as the mouse's first strokes are.
 fn press_in_view_until(page: &mut Driven, key: &str, code: u32, expression: &str) {
     for _ in 0..30 {
+        // a frame that loads anew loses the focus too, which a click gives it
+        drag_in_the_view(page, 0.0);
         page.in_frame("/part/view", |frame| press(frame, key, code));
         for _ in 0..20 {
             if page.value(expression) == true {
@@ -218,12 +226,36 @@ fn in_a_browser_keys_lead_through_the_page() {
     // + brings the mechanism nearer, - takes it away
     page.value("document.getElementById('part-view').click()");
     turn_the_camera(&mut page);
-    page.value("document.getElementById('frame-view').focus()");
     let away = "JSON.parse(document.getElementById('frame-view').dataset.camera).away";
     let at = page.value(away).as_f64().unwrap();
     press_in_view_until(&mut page, "+", 187, &format!("{away} < {at}"));
     press_in_view_until(&mut page, "-", 189, &format!("{away} > {at}"));
     assert!(page.errors.is_empty(), "{:?}", page.errors);
+}
+
+#[test]
+fn in_a_browser_at_500_pixels_every_tab_shows_its_tables_whole() {
+    let Some(browser) = browser() else { return };
+    let dir = scratch("serve_page_narrow");
+    let (_served, mut page) = opened(&browser, &dir, 500);
+    for (part, filled) in [
+        (
+            "view",
+            "document.getElementById('frame-view').clientHeight > 100",
+        ),
+        (
+            "base",
+            "document.querySelectorAll('#panel-base tbody tr').length > 5",
+        ),
+        (
+            "check",
+            "document.querySelector('#panel-check pre').textContent.includes('fivebar')",
+        ),
+    ] {
+        page.value(&format!("document.getElementById('part-{part}').click()"));
+        page.wait(filled);
+        assert_eq!(page.value(CUT_OFF), "", "{part}");
+    }
 }
 
 #[test]
