@@ -593,6 +593,7 @@ fn logs(
         logs.logs(),
         Some(&start.estimate_for_intervals),
     );
+    let errors = suspect::without_noise(model, logs.logs(), errors);
     note_unexplained(model, &errors, !summary.suspicions.is_empty());
     if args.cross {
         summary.cross = session::cross(session, &args.logs)?;

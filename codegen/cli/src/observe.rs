@@ -1,7 +1,8 @@
 //! `regen observe`: reduces logs to a factor file; also how all commands read logs.
 
 use regen_identify::data::{
-    Checks, DataError, Decision, Fault, FileReport, Gaps, Policy, Quantity, Run, Settings,
+    Checks, DataError, Decision, Fault, FileReport, Gaps, Policy, Problem, Problems, Quantity, Run,
+    Settings,
 };
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{EquationKind, LeftOut, Options, observe};
@@ -17,8 +18,9 @@ use crate::args::{
     DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
 };
 use crate::exit::Failure;
+use crate::suspect::OtherSpecs;
 use crate::watch::TERMINAL;
-use crate::{choice, delay, experiment, load, table, terminal, write};
+use crate::{choice, delay, experiment, load, suspect, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// Runs the command.
@@ -48,6 +50,9 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let set = set.with_errors(errors)?;
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
+    // who adds up the factors sees no log any more
+    let specs = OtherSpecs::new(&args.file, args.reading.payload);
+    let _ = suspect::warn_of_logs(&model, logs.logs(), &session.reading.columns, &specs);
     let files = logs.logs().reports().iter().map(LogFile::new).collect();
     let mut found = Observed::new(&set, &left_out, corrected_delays, files);
     found.filter = filter;
@@ -269,6 +274,9 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
 
 /// A gap of at most this many usual steps is blamed on an uneven clock, which resampling corrects.
 const SHORT_GAP_STEPS: f64 = 3.0;
+/// With so many rows of other entries, of which one of the first is the first, the header is wrong and not they.
+const MIN_ROWS_OF_HEADER: usize = 10;
+const MAX_FIRST_ROW: u64 = 10;
 
 impl From<DataError> for Failure {
     fn from(error: DataError) -> Self {
@@ -293,6 +301,9 @@ impl From<DataError> for Failure {
                 let is_clock = problems.first.iter().all(|p| is_of_clock(&p.what))
                     && (problems.counts.iter())
                         .all(|(kind, _)| clock_kinds.contains(&kind.as_str()));
+                if let Some(remedy) = of_header(problems) {
+                    return Self::Input(format!("{error}  {remedy}"));
+                }
                 match gaps.next().filter(|_| is_clock) {
                     Some(usual) => Self::Input(format!(
                         "{error}  the steps of time are uneven: interpolate onto an even grid with \
@@ -342,6 +353,25 @@ impl From<DataError> for Failure {
             other => Self::Input(other.to_string()),
         }
     }
+}
+
+/// The remedy where the rows have other entries than the header from the first one on; `None` for other problems.
+fn of_header(problems: &Problems) -> Option<String> {
+    let rows: usize = problems.first.iter().map(Problem::rows).sum();
+    let first = problems.first.first()?;
+    let Fault::Entries { found, expected } = first.what else {
+        return None;
+    };
+    if rows < MIN_ROWS_OF_HEADER || first.row > MAX_FIRST_ROW || found < expected {
+        return None;
+    }
+    Some(if 2 * found > 3 * expected {
+        "commas separate the columns, and the decimals, too: write the log with another separator, such as \
+         `;` or a tabulator"
+            .to_owned()
+    } else {
+        format!("give each of the {found} columns a title in the header, also one that is not used")
+    })
 }
 
 impl From<SessionError> for Failure {

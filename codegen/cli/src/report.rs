@@ -106,7 +106,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
         let opened = session.open(&args.logs).map_err(ReportError::from)?;
         let specs = OtherSpecs::new(&args.file, args.reading.payload);
         let columns = &session.reading.columns;
-        suspect::doubts(&model, opened.logs(), columns, None, &specs)
+        suspect::warn_of_logs(&model, opened.logs(), columns, &specs)
     } else {
         Vec::new()
     };

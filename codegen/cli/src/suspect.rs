@@ -6,10 +6,10 @@ mod gravity;
 mod tests;
 
 use regen_identify::data::{Assignment, Logs};
-use regen_identify::estimate::Estimate;
+use regen_identify::estimate::{EffortError, Estimate};
 use regen_identify::suspect::{self, LogColumns, Remedy};
 use regen_interpreted::Interpreted;
-use regen_report::results::Suspected;
+use regen_report::results::{self, Suspected};
 
 pub(crate) use gravity::OtherSpecs;
 
@@ -19,6 +19,12 @@ use crate::{observe, progress, terminal};
 /// The cutoff, in the rate of the rows, and the order of the filter where none could be chosen.
 const LOW_CUTOFF: f64 = 0.05;
 const FILTER_ORDER: usize = 4;
+/// What is left of an effort is noise if it is at most so many times the noise at high frequencies.
+const MAX_NOISE_RATIO: f64 = 1.5;
+/// Nominal bodies that need less than so many times what is explained of an effort do not contradict it.
+const MAX_NEEDED: f64 = 3.0;
+/// Of noise, this part is explained by chance.
+const EXPLAINED_BY_CHANCE: f64 = 0.1;
 
 /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
 fn with_options(found: suspect::Suspicion) -> Suspected {
@@ -90,6 +96,20 @@ fn warn_of_more(
     let known: Vec<String> = known.iter().map(ToString::to_string).collect();
     out.retain(|doubt| args.huber.is_none() || doubt.found.remedy != Remedy::Bounded);
     out.retain(|doubt| !known.contains(&doubt.to_string()));
+    for suspicion in &out {
+        terminal::note(&format!("warning: {suspicion}"));
+    }
+    out
+}
+
+/// Prints what looks wrong with logs that another command than `identify` reads, where their efforts are known.
+pub(crate) fn warn_of_logs(
+    model: &Interpreted<'_>,
+    logs: &Logs<'_, Interpreted<'_>>,
+    columns: &[Assignment],
+    specs: &OtherSpecs<'_>,
+) -> Vec<Suspected> {
+    let out = doubts(model, logs, columns, None, specs);
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }
@@ -173,4 +193,45 @@ pub(crate) fn doubts(
     }
     working.end();
     out
+}
+
+/// The errors without those of efforts that are mostly noise, which are told: of them no model explains more.
+pub(crate) fn without_noise(
+    model: &Interpreted<'_>,
+    logs: &Logs<'_, Interpreted<'_>>,
+    errors: Vec<EffortError>,
+) -> Vec<EffortError> {
+    if errors.iter().all(EffortError::is_explained) {
+        return errors;
+    }
+    let info = model.info();
+    let noise = logs.effort_noise().unwrap_or_default();
+    let place = |list: &[usize], name: &str| {
+        let named = |c: &usize| info.coordinates.get(*c) == Some(&name);
+        list.iter().position(named)
+    };
+    let is_noise = |own: &EffortError| {
+        let noise = place(info.actuated, &own.name).and_then(|k| noise.get(k));
+        let is_left = own.relative_absolute.is_finite() && !own.is_explained();
+        is_left && noise.is_some_and(|noise| own.rms <= MAX_NOISE_RATIO * noise)
+    };
+    let (noisy, errors): (Vec<_>, Vec<_>) = errors.into_iter().partition(is_noise);
+    if noisy.is_empty() {
+        return errors;
+    }
+    let sample = logs.sample(0).ok();
+    let needed = sample.and_then(|own| suspect::needed_by_bodies(model, &own));
+    let is_expected = |own: &EffortError| {
+        let needed = needed.as_ref();
+        let needed = place(info.independent, &own.name).and_then(|i| needed?.get(i).copied());
+        let explained = own.explained().max(EXPLAINED_BY_CHANCE * own.rms);
+        needed.is_some_and(|needed| needed < MAX_NEEDED * explained)
+    };
+    let (expected, doubted): (Vec<_>, Vec<_>) = noisy.into_iter().partition(is_expected);
+    let texts = [
+        results::noise_alone(&doubted, false),
+        results::noise_alone(&expected, true),
+    ];
+    texts.iter().flatten().for_each(|text| terminal::note(text));
+    errors
 }

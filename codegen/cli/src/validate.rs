@@ -14,8 +14,14 @@ use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};
 use crate::exit::Failure;
-use crate::{choice, delay, experiment, load, loads, observe, parameters, table, terminal, write};
+use crate::suspect::OtherSpecs;
+use crate::{
+    choice, delay, experiment, load, loads, observe, parameters, suspect, table, terminal, write,
+};
 use regen_interpreted::{BaseTerms, Interpreted};
+
+/// With larger errors, percent, the columns of a log are looked at.
+const DOUBTED_PERCENT: f64 = 10.0;
 
 /// The JSON of `regen validate`.
 #[derive(Serialize)]
@@ -102,6 +108,9 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         .predict
         .as_ref()
         .map(|_| Predictions::new(&model, kind));
+    // the efforts of currents with found gains, and those of payloads, are compared with no nominal bodies
+    let has_gains = models.iter().any(|(found, _)| !found.gains.is_empty());
+    let is_plain = !has_gains && robot.payloads.is_empty();
     for run in &args.logs {
         let Some((first, _)) = models.first() else {
             break;
@@ -131,6 +140,14 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
                 left_out: left_out.clone(),
                 efforts: found.efforts(),
             });
+        }
+        // columns that are read wrongly are no fault of the parameters
+        let errors = models.iter().filter_map(|own| own.1.logs.last());
+        let least = errors.fold(f64::INFINITY, |m, own| m.min(own.relative_absolute));
+        if least > DOUBTED_PERCENT && is_plain {
+            let specs = OtherSpecs::new(&args.file, args.reading.payload);
+            let columns = observe::settings(&args.reading).columns;
+            let _ = suspect::warn_of_logs(&model, log.logs(), &columns, &specs);
         }
         if let Some(predictions) = &mut predictions {
             let all: Vec<&IdentifiedModel> = models.iter().map(|(found, _)| found).collect();

@@ -367,3 +367,70 @@ fn a_confidence_takes_the_draws_that_reach_it() {
         beyond.err
     );
 }
+
+#[test]
+fn an_effort_that_is_noise_alone_is_told_to_be_that() {
+    let dir = scratch("advice_noise");
+    let rows = rows([0.0, -9.81]);
+    // the bits of a product are as good as noise
+    let noise = |row: &Row| {
+        let mixed = (row.t * 200.0 + 1.0)
+            .round()
+            .to_bits()
+            .wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let bits = u32::try_from(mixed >> 32).unwrap();
+        100.0 * (f64::from(bits) / f64::from(u32::MAX) - 0.5)
+    };
+    let log = csv(PLAIN, &rows, |row| {
+        let mut cells = plain(row);
+        cells[4] = noise(row);
+        cells
+    });
+    fs::write(dir.join("log.csv"), log).unwrap();
+    for bodies in [true, false] {
+        fs::write(dir.join("r.yaml"), spec("gravity: [0, -9.81, 0]", bodies)).unwrap();
+        let text = identify(&dir, &[]).err;
+        assert!(
+            text.contains("warning: these efforts are mostly noise: q2 ("),
+            "{text}"
+        );
+        assert!(!text.contains("does not explain"), "{text}");
+    }
+}
+
+#[test]
+fn other_commands_tell_what_looks_wrong_with_their_logs_too() {
+    let dir = scratch("advice_others");
+    let rows = rows([0.0, -9.81]);
+    fs::write(dir.join("r.yaml"), spec("gravity: [0, -9.81, 0]", true)).unwrap();
+    fs::write(dir.join("log.csv"), csv(PLAIN, &rows, plain)).unwrap();
+    let found = identify(&dir, &["--out", "p.json"]);
+    assert_eq!(found.code, 0, "{}", found.err);
+    let filter = ["--butterworth", "4,15"];
+    let observe = |log: &str| {
+        regen(
+            &dir,
+            &[&["observe", "r.yaml", log, "--out", "f.json"], &filter[..]].concat(),
+        )
+    };
+    let validate = |log: &str| {
+        regen(
+            &dir,
+            &[&["validate", "r.yaml", "p.json", log], &filter[..]].concat(),
+        )
+    };
+    let flipped = csv(PLAIN, &rows, |row| {
+        let mut cells = plain(row);
+        cells[4] *= -1.0;
+        cells
+    });
+    fs::write(dir.join("flipped.csv"), flipped).unwrap();
+    let advice = "--column 'tau_q2=tau_q2*-1'";
+    for run in [observe("flipped.csv"), validate("flipped.csv")] {
+        assert!(run.err.contains(advice), "{}", run.err);
+    }
+    for run in [observe("log.csv"), validate("log.csv")] {
+        assert!(!run.err.contains("warning"), "{}", run.err);
+    }
+}

@@ -164,6 +164,94 @@ def doubled_column(log, random):
     return told_by(log, [copy, source], r"the same (values|as)|swapped")
 
 
+def unit_of_efforts(log, random):
+    """All efforts in mN m, kgf or in currents of which the constant is not given."""
+    places = log.of("tau_")
+    log.table[:, places] *= random.choice([1000, 1e-3, 1 / 9.80665, random.uniform(0.05, 0.3)])
+    return told_by(log, places, r"gain or a unit|nominal bodies|times what")
+
+
+def factor_of_a_position(log, random):
+    """One position before its gear, in turns or in counts of an encoder."""
+    chosen = some(random, log.of(""), most=1)
+    log.table[:, chosen] *= random.choice([1 / (2 * np.pi), 100, 0.5, 2, 4096 / (2 * np.pi)])
+    return told_by(log, chosen, r"gear|unit|loops? (do|does|cannot be) (not )?closed?|are not closed")
+
+
+def clipped_effort(log, random):
+    """One effort that its sensor cuts off."""
+    chosen = some(random, log.of("tau_"), most=1)
+    own = log.table[:, chosen]
+    bound = random.uniform(0.3, 0.8) * np.abs(own).max()
+    log.table[:, chosen] = np.clip(own, -bound, bound)
+    return told_by(log, chosen, r"saturat|limit")
+
+
+def coarse_effort(log, random):
+    """One effort in steps of a tenth to once its spread."""
+    chosen = some(random, log.of("tau_"), most=1)
+    step = random.uniform(0.1, 1) * spread(log, chosen[0])
+    log.table[:, chosen] = np.round(log.table[:, chosen] / step) * step
+    return told_by(log, chosen, r"steps?|quanti|resolution")
+
+
+def late_efforts(log, random):
+    """All efforts lag by the same number of rows."""
+    places = log.of("tau_")
+    rows = int(random.integers(2, 20))
+    log.table[rows:, places] = log.table[:-rows, places]
+    return told_by(log, places, r"delay|ms late|ms early")
+
+
+def drifting_effort(log, random):
+    """One effort with a drift, as of a strain gauge that warms up."""
+    chosen = some(random, log.of("tau_"), most=1)
+    size = random.choice([-1, 1]) * random.uniform(0.3, 2) * spread(log, chosen[0])
+    log.table[:, chosen[0]] += size * np.linspace(-0.5, 0.5, len(log.table))
+    return told_by(log, chosen, r"drift|explain")
+
+
+def rectified_effort(log, random):
+    """One effort without its sign, as the current of some drives."""
+    chosen = some(random, log.of("tau_"), most=1)
+    log.table[:, chosen] = np.abs(log.table[:, chosen])
+    return told_by(log, chosen, r"sign|explain")
+
+
+def noise_alone(log, random):
+    """One effort that is noise, as of a channel that is not connected."""
+    chosen = some(random, log.of("tau_"), most=1)
+    log.table[:, chosen[0]] = spread(log, chosen[0]) * random.normal(size=len(log.table))
+    return told_by(log, chosen, r"noise|explain")
+
+
+def wrapped_position(log, random):
+    """One position that jumps back as if it were wrapped, though not by a turn."""
+    chosen = some(random, log.of(""), most=1)[0]
+    middle = np.median(log.table[:, chosen])
+    own = log.table[:, chosen] - middle - 0.3 * spread(log, chosen)
+    width = 2 * spread(log, chosen)
+    log.table[:, chosen] = (own + width / 2) % width - width / 2 + middle
+    return told_by(log, [chosen], r"jump|wrap|outlier")
+
+
+def swapped_position_and_velocity(log, random):
+    """The positions are velocities."""
+    places = log.of("")
+    step = np.median(np.diff(log.table[:, 0]))
+    log.table[:, places] = np.gradient(log.table[:, places], step, axis=0)
+    return told_by(log, places, r"velocit|loops? (do|does|cannot be) (not )?closed?|are not closed")
+
+
+def repeated_rows(log, random):
+    """Every row twice, with its time or with times between."""
+    log.table = np.repeat(log.table, 2, axis=0)
+    if random.uniform() < 0.5:
+        step = log.table[2, 0] - log.table[0, 0]
+        log.table[1::2, 0] += step / 2
+    return [], r"same as|row before|repeat|twice|double|rate|slower|new value"
+
+
 # rows ------------------------------------------------------------------------------------------
 
 
@@ -252,9 +340,16 @@ def gravity(log, random):
 KINDS = [
     unit_of_positions, unit_of_an_effort, unit_of_velocities, sign_of_efforts, sign_of_positions, sign_of_a_velocity,
     permutation_of_efforts, permutation_of_positions, offset_of_an_effort, offset_of_a_position, constant_column,
-    stale_column, late_column, doubled_column, burst, dropout, swapped_runs, other_run, clock, unit_of_time, rate,
-    gravity,
+    stale_column, late_column, doubled_column, unit_of_efforts, factor_of_a_position, clipped_effort, coarse_effort,
+    late_efforts, drifting_effort, rectified_effort, noise_alone, wrapped_position, swapped_position_and_velocity,
+    burst, dropout, swapped_runs, other_run, clock, unit_of_time, rate, repeated_rows, gravity,
 ]
 VELOCITIES = (unit_of_velocities, sign_of_a_velocity)
+# those that need two columns of one kind
+EXCHANGES = (permutation_of_efforts, permutation_of_positions, doubled_column)
 for kind in KINDS:
-    kind.fits = (lambda log: bool(log.of("qd_"))) if kind in VELOCITIES else (lambda log: True)
+    kind.fits = lambda log: True
+for kind in VELOCITIES:
+    kind.fits = lambda log: bool(log.of("qd_"))
+for kind in EXCHANGES:
+    kind.fits = lambda log: len(log.of("")) > 1

@@ -97,6 +97,18 @@ fn an_uneven_clock_is_answered_with_a_grid_and_other_faults_are_not() {
         both.contains("--resample 250 and --problems drop"),
         "{both}"
     );
+    // rows that are all longer than the header are not left out
+    let rows = |found: usize| -> Vec<Problem> {
+        let entries = |row| Problem::of(row, Fault::Entries { found, expected: 7 });
+        (2..30).map(entries).collect()
+    };
+    let text = told(&rows(8));
+    assert!(
+        text.contains("a title in the header") && !text.contains("--problems"),
+        "{text}"
+    );
+    let text = told(&rows(14));
+    assert!(text.contains("another separator"), "{text}");
     for others in [&[gap(0.6)][..], &[twice][..]] {
         let text = told(others);
         assert!(!text.contains("--resample"), "{text}");

@@ -293,6 +293,13 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                     problems: refused,
                 });
             }
+            // without rows, what is wrong with all of them is the reason
+            if rows < 2 && problems.total() > 0 {
+                return Err(DataError::Problems {
+                    file: name,
+                    problems,
+                });
+            }
             if rows < 2 {
                 return Err(signal(
                     &file,
@@ -537,7 +544,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
 }
 
 /// The delay of each actuated joint's effort, s.
-fn delays(info: &Info<'_>, settings: &Settings) -> Vec<f64> {
+pub(super) fn delays(info: &Info<'_>, settings: &Settings) -> Vec<f64> {
     let of = |c: &usize| {
         let name = info.coordinates.get(*c).copied().unwrap_or_default();
         let given = settings.delays.iter().find(|(n, _)| n == name);

@@ -2,10 +2,11 @@
 //! whole log that need few states.
 
 use super::columns::Quantity;
-use super::logs::{Log, Logs};
+use super::logs::{Log, Logs, delays};
 use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
+use super::shift;
 use super::stretch::Stretch;
 use crate::signals::Method;
 use regen_runtime::Model;
@@ -56,6 +57,8 @@ pub struct Sample {
     pub rates_of: Vec<usize>,
     /// The efforts that are stated as not measured: indices into `Info::actuated`.
     pub unmeasured: Vec<usize>,
+    /// The delays of the efforts that are corrected, s, in the order of `Info::actuated`; may be empty.
+    pub delays: Vec<f64>,
 }
 
 /// Rows in which an effort jumps and is back in the next row.
@@ -123,6 +126,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let mut out = Sample {
             measured: log.file.layout.measured.clone(),
             unmeasured: log.file.layout.unmeasured.clone(),
+            delays: delays(&self.model.info(), &self.settings),
             has_rates: log.file.layout.velocities.iter().any(Option::is_some),
             rates_of: self.rates_of(&log.file.layout.measured),
             titles: log.file.layout.header.clone(),
@@ -209,6 +213,12 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                     return;
                 };
                 *effort = found.value;
+            }
+        }
+        for (effort, delay) in efforts.iter_mut().zip(&out.delays) {
+            if *delay != 0.0 {
+                let own = shift::later(times, effort, *delay);
+                valid = valid.start.max(own.start)..valid.end.min(own.end);
             }
         }
         for k in valid.step_by(every) {

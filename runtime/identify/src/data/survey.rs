@@ -1,5 +1,6 @@
 //! What is gathered of all rows of a run in a first pass, before they are used.
 
+use core::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use super::bursts::{BurstFinder, OffRow};
@@ -55,7 +56,7 @@ pub(super) struct Survey {
     pub(super) raw_step: f64,
     /// The time step between rows that are handed out, s.
     pub(super) time_step: f64,
-    /// The smallest and largest value of each effort, N or N m.
+    /// The smallest and largest value of each effort, N or N m; infinite where it is a step of many.
     pub(super) extremes: Vec<(f64, f64)>,
     /// The stretches of rows in which an encoder was stuck, by the line of their first row.
     pub(super) stuck: BTreeMap<u64, Vec<Stuck>>,
@@ -77,6 +78,53 @@ pub(super) struct Survey {
     /// The first and the last time of the log, s, where all its rows are within the times that are
     /// asked for.
     pub(super) uncut: Option<(f64, f64)>,
+}
+
+/// The least number of rows at the value next to the largest one, and over those at the largest one, of values that
+/// have steps: a smooth signal is at its last step hardly longer than at the one before.
+const MIN_NEXT_ROWS: usize = 4;
+const MIN_NEXT_PART: f64 = 0.25;
+
+/// How a value compares with another one, of which the rows are counted; it is larger than none.
+fn count(of: &mut Option<(f64, usize)>, value: f64) -> Ordering {
+    let Some((own, rows)) = of else {
+        return Ordering::Greater;
+    };
+    let order = value.total_cmp(own);
+    *rows += usize::from(order == Ordering::Equal);
+    order
+}
+
+/// The largest value of a column and the one next to it, with the number of rows at each.
+#[derive(Clone, Copy, Debug, Default)]
+struct Extreme {
+    first: Option<(f64, usize)>,
+    next: Option<(f64, usize)>,
+}
+
+impl Extreme {
+    fn push(&mut self, value: f64) {
+        match count(&mut self.first, value) {
+            Ordering::Greater => {
+                self.next = self.first;
+                self.first = Some((value, 1));
+            }
+            Ordering::Less if count(&mut self.next, value) == Ordering::Greater => {
+                self.next = Some((value, 1));
+            }
+            _ => {}
+        }
+    }
+
+    /// The largest value, at which a signal may be cut off; infinite if it is one of the signal's steps.
+    fn limit(&self) -> f64 {
+        let (Some((value, rows)), next) = (self.first, self.next) else {
+            return f64::NEG_INFINITY;
+        };
+        let next = next.map_or(0, |own| own.1);
+        let has_steps = next >= MIN_NEXT_ROWS && next as f64 >= MIN_NEXT_PART * rows as f64;
+        if has_steps { f64::INFINITY } else { value }
+    }
 }
 
 impl Survey {
@@ -153,7 +201,7 @@ impl LogFile {
     /// Gathers the statistics of all rows of the run.
     fn statistics(&self, names: &[String]) -> Result<Statistics, DataError> {
         let mut times: Vec<f64> = Vec::new();
-        let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
+        let mut extremes = vec![[Extreme::default(); 2]; self.layout.efforts];
         let positions = self.layout.positions();
         let mut histories = vec![PositionHistory::default(); positions.len()];
         let mut bursts = vec![BurstFinder::default(); positions.len()];
@@ -192,7 +240,9 @@ impl LogFile {
                 }
                 for (extreme, value) in extremes.iter_mut().zip(&row.values[self.layout.efforts()])
                 {
-                    *extreme = (extreme.0.min(*value), extreme.1.max(*value));
+                    let [low, high] = extreme;
+                    low.push(-value);
+                    high.push(*value);
                 }
                 let time = row.values[0];
                 let (first, last) = range.unwrap_or((time, time));
@@ -330,7 +380,9 @@ impl LogFile {
         let time_steps: Vec<f64> = time_steps.filter(|step| *step > 0.0).collect();
         Ok(Statistics {
             raw_step: median(&time_steps),
-            extremes,
+            extremes: (extremes.iter())
+                .map(|[low, high]| (-low.limit(), high.limit()))
+                .collect(),
             stuck,
             dropouts: finder.finish(self.layout.efforts()),
             spikes: spikes.finish(),
@@ -394,5 +446,30 @@ impl LogFile {
         let each = found.iter().enumerate();
         each.filter_map(|(effort, own)| said_of(effort, own))
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Extreme;
+
+    #[test]
+    fn the_last_of_many_steps_is_no_limit() {
+        let limit = |cut: f64, step: f64| {
+            let mut out = Extreme::default();
+            for k in 0..1000 {
+                let value = (3.0 * (0.02 * f64::from(k)).sin()).min(cut);
+                out.push(if step > 0.0 {
+                    (value / step).round() * step
+                } else {
+                    value
+                });
+            }
+            out.limit()
+        };
+        assert!(limit(2.0, 0.0) <= 2.0);
+        assert!(limit(2.0, 0.05) <= 2.0);
+        assert!(limit(9.0, 0.2).is_infinite());
+        assert!(limit(9.0, 0.0) <= 3.0);
     }
 }

@@ -25,6 +25,8 @@ pub(super) fn filter_before(log: &Log, every: usize) -> Result<Butterworth, Data
     let filter = Butterworth::new(ORDER, CUTOFF_RATIO / (every as f64 * step), step);
     filter.map_err(|why| signal(&log.file, why))
 }
+/// The most rows from which the noise of efforts is computed.
+const NOISE_ROWS: usize = 16_384;
 /// The number of stretches of a log that is too long to be held whole.
 const PIECES: usize = 8;
 
@@ -156,8 +158,40 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
 
     /// The noise levels of the columns of motion of each log, in the order of the rows' entries.
     pub(crate) fn noise_levels(&self) -> Vec<Vec<NoiseLevels>> {
+        self.levels_of(|log| 1..log.file.layout.efforts().start)
+    }
+
+    /// The standard deviations of the noise that is left in the efforts of the equations, in the order of
+    /// `Info::actuated`, N or N m: that of the rows at high frequencies, of which a filter passes what is below
+    /// its cutoff. That of several logs is their mean; of long logs, parts are looked at.
+    ///
+    /// # Errors
+    /// When a log cannot be read.
+    pub fn effort_noise(&self) -> Result<Vec<f64>, DataError> {
+        let kept = self.in_memory(NOISE_ROWS)?;
+        let levels = kept.levels_of(|log| log.file.layout.efforts());
+        let count = levels.len().max(1) as f64;
+        let mut out = Vec::new();
+        for (log, levels) in kept.files.iter().zip(levels) {
+            let half_rate = 0.5 / log.survey.time_step();
+            let passed = match self.settings.method {
+                Method::Butterworth { cutoff, .. } => cutoff.min(half_rate),
+                _ => half_rate,
+            };
+            out.resize(levels.len(), 0.0);
+            for (sum, own) in out.iter_mut().zip(levels) {
+                *sum += 2.0 * passed * own.density(passed) / count;
+            }
+        }
+        Ok(out.into_iter().map(f64::sqrt).collect())
+    }
+
+    /// The noise levels of some entries of the rows of each log.
+    fn levels_of(
+        &self,
+        entries: impl Fn(&Log) -> core::ops::Range<usize>,
+    ) -> Vec<Vec<NoiseLevels>> {
         let of_log = |log: &Log| {
-            let efforts = log.file.layout.efforts().start;
             let column = |entry: usize| {
                 let kept = log.kept.iter().flatten();
                 let values = |rows: &Vec<LogRow>| -> Vec<f64> {
@@ -167,7 +201,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 let stretches: Vec<Vec<f64>> = kept.map(values).collect();
                 NoiseLevels::new(log.survey.time_step(), &stretches)
             };
-            (1..efforts).map(column).collect()
+            entries(log).map(column).collect()
         };
         self.files.iter().map(of_log).collect()
     }

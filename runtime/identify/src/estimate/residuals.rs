@@ -79,6 +79,9 @@ impl EffortError {
     /// assert_eq!(error.is_correlated(), Some(true));
     /// // means of two rows have three quarters of the variance
     /// assert!(error.of_means().is_explained());
+    /// // those of an effort that is noise alone have no more of it explained
+    /// let noise = EffortError { relative_rms: 100.0, autocorrelation: vec![0.0; 20], ..error };
+    /// assert!(!noise.of_means().is_explained());
     /// ```
     pub fn is_explained(&self) -> bool {
         self.relative_rms <= MAX_EXPLAINED_RMS_PERCENT && !self.misses_change()
@@ -91,11 +94,28 @@ impl EffortError {
         let rows = (self.autocorrelation.len() + 1) as f64;
         let lags = self.autocorrelation.iter().zip(1_u32..);
         let sum: f64 = lags.map(|(x, lag)| (1.0 - f64::from(lag) / rows) * x).sum();
-        let part = ((1.0 + 2.0 * sum) / rows).clamp(0.0, 1.0).sqrt();
+        let part = ((1.0 + 2.0 * sum) / rows).clamp(0.0, 1.0);
+        let left = (self.relative_rms / 100.0).powi(2);
+        // of an effort that is noise alone, its own means are smaller, too
+        let explained = (1.0 - left).max(0.0);
+        let of_means = part * left / (explained + part * left);
+        let relative_rms = if left.is_finite() && left > 0.0 {
+            100.0 * of_means.sqrt()
+        } else {
+            self.relative_rms
+        };
         Self {
-            relative_rms: part * self.relative_rms,
+            relative_rms,
             ..self.clone()
         }
+    }
+
+    /// The standard deviation of what the residuals leave of the effort about its mean, N or N m: what the model
+    /// explains of it.
+    pub fn explained(&self) -> f64 {
+        let part = self.relative_absolute / 100.0;
+        let square = (self.rms / part).powi(2) - self.rms.powi(2);
+        square.max(0.0).sqrt()
     }
 
     /// Whether most of the change of the effort is left, and so slowly, or swinging so long, that it is no noise: a

@@ -2,6 +2,7 @@
 //! offset.
 
 use super::grams::{Fit, Grams};
+use super::unknowns::log_errors;
 use super::{
     Change, MAX_EXPLAINED_ERROR, MAX_OFFSET_PART, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Reading,
     facts, implausible_count, judge, quality, worst,
@@ -19,6 +20,10 @@ const MAX_ROUNDS: usize = 3;
 const MIN_GAIN_OF_FACTOR: f64 = 3.0;
 /// The factor by which a change must reduce the product of errors if it leaves noise.
 const MIN_GAIN_IN_NOISE: f64 = 1.3;
+/// The factor by which the largest error may grow by chance, as it may be noise of a weak effort.
+const MAX_LOSS_OF_WORST: f64 = 1.02;
+/// The least factor on an effort that leaves noise, which is reported.
+const MIN_FACTOR_IN_NOISE: f64 = 1.05;
 /// Factors on an effort between 1 over this and this may come from geometry and friction, and are
 /// not reported.
 const MIN_REPORTED_FACTOR: f64 = 2.0;
@@ -155,6 +160,14 @@ pub(super) fn in_noise<M: BaseModel<f64> + ?Sized>(
             read[k].factor = *factor;
             tried.push((read, vec![k]));
         }
+        // a factor that leaves noise is not one that geometry or friction pretends
+        if let Some(factor) = best_factor(grams, &plain, &[], k, now, &log_errors)
+            && (MIN_FACTOR_IN_NOISE..MIN_REPORTED_FACTOR).contains(&factor.max(1.0 / factor))
+        {
+            let mut read = plain.clone();
+            read[k].factor = factor;
+            tried.push((read, vec![k]));
+        }
         for l in 0..k {
             let mut read = plain.clone();
             read.swap(k, l);
@@ -173,11 +186,21 @@ pub(super) fn in_noise<M: BaseModel<f64> + ?Sized>(
             touched,
             needed: MIN_GAIN_IN_NOISE,
         };
+        let is_unit = |own: &Reading| {
+            let size = own.factor.abs();
+            (size - 1.0).abs() < f64::EPSILON || UNITS.contains(&size)
+        };
+        // a factor is one of many
+        let gain = libm::exp(log_errors(now) - log_errors(&fit));
+        let is_drive = candidate.touched.len() > 1;
+        if !is_drive && !candidate.read.iter().all(is_unit) && gain < MIN_GAIN_OF_FACTOR {
+            continue;
+        }
         let error = quality(&fit.errors);
         let is_least = best.as_ref().is_none_or(|(least, ..)| error < *least);
         if is_least
             && quality(&now.errors) > candidate.needed * error
-            && worst(&fit.errors) < worst(&now.errors)
+            && worst(&fit.errors) < MAX_LOSS_OF_WORST * worst(&now.errors)
             && accepted(grams, &candidate, &fit)
         {
             best = Some((error, candidate.read, fit));
@@ -462,14 +485,27 @@ fn best_order(grams: &Grams, count: usize) -> Option<Vec<usize>> {
 
 /// The factor on one effort that minimises the product of errors, if it is far from 1.
 fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit) -> Option<f64> {
+    let factor = best_factor(grams, read, offsets, k, now, &|fit| quality(&fit.errors))?;
+    (!(1.0 / MIN_REPORTED_FACTOR..MIN_REPORTED_FACTOR).contains(&factor)).then_some(factor)
+}
+
+/// The factor on one effort that minimises the error of a fit; `None` if none reduces it.
+fn best_factor(
+    grams: &Grams,
+    read: &[Reading],
+    offsets: &[usize],
+    k: usize,
+    now: &Fit,
+    error: &dyn Fn(&Fit) -> f64,
+) -> Option<f64> {
     let with = |factor: f64| -> f64 {
         let mut read = read.to_vec();
         read[k].factor *= factor;
         let fit = grams.fit(&read, offsets);
-        fit.map_or(f64::INFINITY, |fit| quality(&fit.errors))
+        fit.map_or(f64::INFINITY, |fit| error(&fit))
     };
     let root = 10.0_f64.sqrt();
-    let mut best = (quality(&now.errors), 1.0);
+    let mut best = (error(now), 1.0);
     for towards in [root, 1.0 / root] {
         let mut factor = 1.0;
         for _ in 0..7 {
@@ -479,10 +515,6 @@ fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit)
                 best = (error, factor);
             }
         }
-    }
-    // no factor reduced the errors
-    if (best.1 - 1.0).abs() < f64::EPSILON {
-        return None;
     }
     let mut step = root;
     for _ in 0..9 {
@@ -494,10 +526,13 @@ fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit)
             }
         }
     }
+    // no factor reduced the errors
+    if (best.1 - 1.0).abs() < f64::EPSILON {
+        return None;
+    }
     let factor = best.1;
     let unit = UNITS.iter().find(|u| (factor / **u - 1.0).abs() < 0.1);
-    let factor = unit.copied().unwrap_or(factor);
-    (!(1.0 / MIN_REPORTED_FACTOR..MIN_REPORTED_FACTOR).contains(&factor)).then_some(factor)
+    Some(unit.copied().unwrap_or(factor))
 }
 
 /// Flips the signs of the efforts whose friction drives the joint; returns the readings if friction

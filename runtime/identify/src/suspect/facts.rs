@@ -162,6 +162,21 @@ pub(super) fn driving<M: BaseModel<f64> + ?Sized>(
         .collect()
 }
 
+/// The standard deviations of the efforts that the nominal bodies need along a log, in the order of
+/// `Info::independent`, N or N m; `None` where the bodies are not known or the loops do not close. Friction
+/// is none of them.
+pub fn needed_by_bodies<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+) -> Option<Vec<f64>> {
+    let every = sample.states.len().div_ceil(crate::data::STATES).max(1);
+    let plain = Reading::plain(sample.measured.len());
+    let grams = Grams::of(model, sample, &plain, every).filter(Grams::closes)?;
+    grams
+        .nominal
+        .then(|| (0..grams.rows()).map(|i| grams.needed(i)).collect())
+}
+
 /// Compares each equation's effort with that of the nominal bodies.
 pub(super) fn nominal<M: BaseModel<f64> + ?Sized>(
     model: &M,

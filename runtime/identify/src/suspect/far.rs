@@ -1,7 +1,7 @@
-//! Stretches in which an effort is far from what the model explains of it.
+//! Stretches in which an effort is far from what the model explains of it, and drifts away from that.
 
 use super::grams::{Fit, Grams};
-use super::{FarEffort, Sample};
+use super::{Drift, FarEffort, MIN_DOUBTED_ERROR, Sample};
 
 /// The smallest residual of such a state, in robust deviations.
 const MIN_DEVIATIONS: f64 = 12.0;
@@ -15,6 +15,9 @@ const MAX_FAR_PART: f64 = 0.1;
 const MAX_STRETCHES: usize = 3;
 /// States further apart than this many usual distances belong to two stretches.
 const MAX_APART: usize = 3;
+/// The least part of what is left of an effort that a drift is, in squares, and that it is with a constant.
+const MIN_DRIFTING_PART: f64 = 0.2;
+const MIN_STRAIGHT_PART: f64 = 0.5;
 /// A median absolute deviation times this is a standard deviation.
 const DEVIATION_OF_MEDIAN: f64 = 1.4826;
 
@@ -104,4 +107,32 @@ pub(super) fn efforts(sample: &Sample, grams: &Grams, fit: &Fit) -> (Vec<FarEffo
     states.sort_unstable();
     states.dedup();
     (out, states)
+}
+
+/// The efforts of which most that is left is a drift over the log, and matters.
+pub(super) fn drifts(sample: &Sample, grams: &Grams, fit: &Fit) -> Vec<Drift> {
+    let time = |state: usize| sample.states.get(state).map_or(f64::NAN, |s| s.time);
+    let one = |i: usize| {
+        let effort = grams.only_effort(i)?;
+        let spread = *fit.spreads.get(i)?;
+        let pairs = grams.stored.iter();
+        let pairs: Vec<(f64, f64)> = pairs
+            .map(|own| (time(own.state), own.residual(i, &fit.values)))
+            .collect();
+        let n = pairs.len() as f64;
+        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+        let (t, r) = (mean(&|p| p.0), mean(&|p| p.1));
+        let tt = mean(&|p| (p.0 - t).powi(2));
+        let tr = mean(&|p| (p.0 - t) * (p.1 - r));
+        let squares = mean(&|p| p.1 * p.1);
+        let drifting = tr * tr / tt;
+        let matters = drifting.sqrt() > MIN_DOUBTED_ERROR * spread;
+        let (first, last) = (pairs.first()?.0, pairs.last()?.0);
+        let is_straight = drifting + r * r > MIN_STRAIGHT_PART * squares;
+        (matters && is_straight && drifting > MIN_DRIFTING_PART * squares).then_some(Drift {
+            effort,
+            change: tr / tt * (last - first),
+        })
+    };
+    (0..grams.rows()).filter_map(one).collect()
 }

@@ -304,6 +304,9 @@ impl Grams {
             let mut sides = Vec::with_capacity(dof);
             for i in 0..dof {
                 if out.left_out[i] {
+                    // nothing is left of an equation that is not there
+                    sides.push(0.0);
+                    w.iter_mut().skip(i).step_by(dof).for_each(|x| *x = 0.0);
                     continue;
                 }
                 entries.clear();
@@ -662,6 +665,14 @@ impl Grams {
             return None;
         }
         (0..self.rows()).map(one).collect()
+    }
+
+    /// The standard deviation of what the nominal bodies need in equation `i`, N or N m.
+    pub(super) fn needed(&self, i: usize) -> f64 {
+        let last = self.size(i) - 1;
+        let mean = self.entry(i, last - 1, last) / self.count;
+        let square = self.entry(i, last - 1, last - 1) / self.count;
+        (square - mean * mean).max(0.0).sqrt()
     }
 
     /// The constant that the effort of equation `i` lacks of what the nominal bodies need, over the rms of what they

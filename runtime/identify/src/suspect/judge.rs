@@ -5,7 +5,7 @@ use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use super::words::{LogColumns, rounded};
-use super::{Findings, Measured, Nominal, Sample, look, positions};
+use super::{Change, Findings, Measured, Nominal, Sample, look, positions};
 use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
@@ -245,8 +245,18 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     let estimate = estimate.zip(sigmas.as_ref());
     let estimate = estimate.map(|(e, sigmas)| (e.values.as_slice(), sigmas.as_slice()));
     let findings = look(model, sample, &own, estimate, step);
-    if let Some(change) = &findings.change {
+    if let Some(change) = &findings.change
+        && !is_covered(change, &findings.nominal)
+    {
         out.extend(columns.change(change, sample, &findings.nominal));
+    }
+    if !findings.cut_off.is_empty() {
+        out.extend(columns.cut_off(&findings.cut_off));
+        return out;
+    }
+    if let Some(parts) = &findings.parts {
+        out.push(columns.divided(parts, &findings.errors));
+        return out;
     }
     out.extend(against_nominal(columns, &findings));
     // spikes may be beyond limits in the right unit
@@ -285,6 +295,9 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         }));
     }
     // what a single parameter or an offset explains is told before
+    if out.is_empty() {
+        out.extend(columns.drifting(&findings.drifts));
+    }
     if out.is_empty() && !light.is_empty() {
         out.push(columns.light(&light));
     }
@@ -518,8 +531,30 @@ fn missed_by_series<M: BaseModel<f64> + ?Sized>(
 
 /// Whether a factor is more than nominal values may be wrong by.
 fn is_far(nominal: &Nominal) -> bool {
-    nominal.correlation >= MIN_CORRELATION_OF_FACTOR
-        && !(1.0 / MAX_NOMINAL_FACTOR..MAX_NOMINAL_FACTOR).contains(&nominal.factor)
+    nominal.correlation >= MIN_CORRELATION_OF_FACTOR && is_far_factor(nominal.factor)
+}
+
+fn is_far_factor(factor: f64) -> bool {
+    !(1.0 / MAX_NOMINAL_FACTOR..MAX_NOMINAL_FACTOR).contains(&factor)
+}
+
+/// Whether a change only multiplies efforts that are then other multiples of what the nominal bodies need, which tell
+/// the factors of all: a fit tells ratios.
+fn is_covered(change: &Change, nominal: &[Nominal]) -> bool {
+    let none = Change::none(change.efforts.len(), change.positions.len());
+    let rest = Change {
+        efforts: none.efforts.clone(),
+        before: Vec::new(),
+        after: Vec::new(),
+        ..change.clone()
+    };
+    let pairs = change.efforts.iter().zip(&none.efforts).enumerate();
+    let mut changed = pairs.filter(|(_, (own, plain))| own != plain);
+    let is_far = |effort: usize| {
+        let mut all = nominal.iter();
+        all.any(|n| n.effort == effort && n.part >= MIN_COMPARED_PART && is_far(n))
+    };
+    rest == none && changed.all(|(k, (own, _))| own.from == k && own.factor > 0.0 && is_far(k))
 }
 
 /// The number of efforts whose sign or size contradicts the nominal bodies.
@@ -576,7 +611,16 @@ fn against_nominal<M: BaseModel<f64> + ?Sized>(
             Remedy::columns(columns.with_flipped_signs(&turned)),
         ));
     }
-    let far: Vec<_> = compared.iter().copied().filter(|n| is_far(n)).collect();
+    // they were compared as they are read with the change
+    let before = |k: usize| {
+        let change = findings.change.as_ref();
+        let own = change.and_then(|change| change.efforts.get(k));
+        own.filter(|own| own.from == k)
+            .map_or(1.0, |own| own.factor)
+    };
+    // those that are near without it contradict the change
+    let is_far_as_read = |n: &&Nominal| is_far(n) && is_far_factor(n.factor / before(n.effort));
+    let far: Vec<_> = (compared.iter().copied()).filter(is_far_as_read).collect();
     if !far.is_empty() {
         let milli = far.iter().all(|n| (300.0..3000.0).contains(&n.factor));
         // all efforts have one unit, unless one of them agrees with the bodies
@@ -589,8 +633,14 @@ fn against_nominal<M: BaseModel<f64> + ?Sized>(
         };
         let read = efforts.iter().map(|(k, times)| {
             let source = columns.effort(*k);
+            let factor = if milli { 1e-3 } else { 1.0 / times } * before(*k);
+            let factor = if (factor - 1e-3).abs() < 1e-12 {
+                factor
+            } else {
+                rounded(factor)
+            };
             Assignment {
-                factor: source.factor * if milli { 1e-3 } else { rounded(1.0 / times) },
+                factor: source.factor * factor,
                 ..source
             }
         });

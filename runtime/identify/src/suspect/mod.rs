@@ -12,6 +12,7 @@ mod facts;
 mod far;
 mod grams;
 mod judge;
+mod parts;
 mod positions;
 #[cfg(test)]
 pub(crate) mod swings_for_tests;
@@ -19,8 +20,9 @@ mod trial;
 mod unknowns;
 mod words;
 
-pub use facts::{NegativeParameter, Nominal, Shift};
+pub use facts::{NegativeParameter, Nominal, Shift, needed_by_bodies};
 pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
+pub use parts::{CutOff, Parts};
 pub use trial::{Trial, short_trial, trial, weightless};
 pub use words::LogColumns;
 
@@ -66,6 +68,8 @@ pub struct Change {
     pub times: f64,
     /// The measured coordinates whose positions are late, each with its delay, s.
     pub late: Vec<(usize, f64)>,
+    /// How late all efforts are, s.
+    pub behind: f64,
     /// The errors of the equations without the change: rms of the residuals over rms of the efforts
     /// about their mean. Empty where the loops do not close.
     pub before: Vec<f64>,
@@ -85,6 +89,7 @@ impl Change {
             offsets: vec![0.0; efforts],
             times: 1.0,
             late: Vec::new(),
+            behind: 0.0,
             before: Vec::new(),
             after: Vec::new(),
             sign: false,
@@ -93,8 +98,13 @@ impl Change {
 
     /// Whether it only takes constants from efforts.
     fn has_constants_only(&self) -> bool {
-        let none = Self::none(self.efforts.len(), self.positions.len());
-        self.efforts == none.efforts && self.positions == none.positions
+        let none = Self {
+            offsets: self.offsets.clone(),
+            before: self.before.clone(),
+            after: self.after.clone(),
+            ..Self::none(self.efforts.len(), self.positions.len())
+        };
+        *self == none
     }
 
     /// Whether it leaves an effort unexplained that was explained better without it, or the worst of them about as
@@ -115,7 +125,8 @@ impl Change {
             .filter(|own| own.offset != 0.0)
             .count();
         let rate = usize::from((self.times - 1.0).abs() > f64::EPSILON);
-        i32::try_from(offsets + zeros + rate + self.late.len()).unwrap_or(i32::MAX)
+        let behind = usize::from(self.behind != 0.0);
+        i32::try_from(offsets + zeros + rate + behind + self.late.len()).unwrap_or(i32::MAX)
     }
 
     /// This change, and another one of what is read with it.
@@ -142,6 +153,7 @@ impl Change {
             offsets: next.efforts.iter().zip(&next.offsets).map(offset).collect(),
             times: self.times * next.times,
             late: self.late.iter().copied().chain(late).collect(),
+            behind: self.behind + next.behind,
             before: self.before.clone(),
             after: next.after.clone(),
             sign: self.sign || next.sign,
@@ -161,10 +173,17 @@ impl Sample {
         };
         let state = |(place, state): (usize, &Measured)| {
             let mut motion = state.motion.clone();
-            for (k, late) in &change.late {
-                let more = unknowns::later(&self.states, place, *k, *late);
+            let late = |k: usize| {
+                let own = change.late.iter().filter(|own| own.0 == k);
+                own.map(|own| own.1).sum::<f64>() - change.behind
+            };
+            for (k, late) in (0..self.measured.len()).map(|k| (k, late(k))) {
+                if late == 0.0 {
+                    continue;
+                }
+                let more = unknowns::later(&self.states, place, k, late);
                 for (values, more) in motion.iter_mut().zip(more) {
-                    values.iter_mut().skip(*k).take(1).for_each(|x| *x += more);
+                    values.iter_mut().skip(k).take(1).for_each(|x| *x += more);
                 }
             }
             let [q, qd, qdd] = &motion;
@@ -205,6 +224,15 @@ pub struct FarEffort {
     pub usual: f64,
 }
 
+/// An effort that drifts away from what the model explains of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// The effort: an index into `Info::actuated`.
+    pub effort: usize,
+    /// By how much over the log, N or N m.
+    pub change: f64,
+}
+
 /// The results of checking a log.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Findings {
@@ -212,6 +240,12 @@ pub struct Findings {
     pub change: Option<Change>,
     /// The efforts that are far from what the model explains in a part of the log, and matter.
     pub far: Vec<FarEffort>,
+    /// The efforts that are cut off.
+    pub cut_off: Vec<CutOff>,
+    /// The parts of a log that needs other parameters in each; there is no change then.
+    pub parts: Option<Parts>,
+    /// The efforts that drift; only where no change explains the errors.
+    pub drifts: Vec<Drift>,
     /// The comparison of each equation's effort with that of the nominal bodies, where they can be
     /// compared; efforts are read with the change.
     pub nominal: Vec<Nominal>,
@@ -405,9 +439,25 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
         } else if best.is_none() {
             best = unknowns::constants(model, sample, grams, now);
         }
+        let parts = parts::search(sample, grams, now);
+        let is_less = |own: &Parts| {
+            let other = best.as_ref().map(|best| quality(&best.after));
+            other.is_none_or(|other| MIN_GAIN_OF_NUMBERS * quality(&own.after) < other)
+        };
+        out.parts = parts.filter(is_less);
+        out.cut_off = parts::cut_off(sample, grams, now);
+        if !out.cut_off.is_empty() {
+            out.parts = None;
+        }
+        if out.parts.is_some() || !out.cut_off.is_empty() {
+            best = None;
+        }
         out.nominal = facts::nominal(model, grams, &read);
         out.driving = facts::driving(model, grams, now);
-        if let (None, Some((values, sigmas))) = (&best, estimate) {
+        if best.is_none() && out.parts.is_none() && out.cut_off.is_empty() {
+            out.drifts = far::drifts(sample, grams, now);
+        }
+        if let (None, None, Some((values, sigmas))) = (&best, &out.parts, estimate) {
             out.negative = facts::negative(model, grams, now, values, sigmas);
             out.shifts = facts::shifts(model, grams, now, values, sigmas);
         }

@@ -23,6 +23,11 @@ const MAX_ROUNDS: usize = 2;
 /// The smallest number of states for a hypothesis.
 const MIN_STATES: usize = 40;
 
+/// The least range of a joint's motion in another unit, rad and m: nobody identifies a robot that hardly moves,
+/// whose weights are constants then.
+const MIN_RANGE: f64 = 0.05;
+const MIN_RANGE_OF_SLIDE: f64 = 2e-3;
+
 /// The number of hypotheses that are tried at all states.
 const FINALISTS: usize = 6;
 
@@ -490,12 +495,17 @@ fn explained<M: BaseModel<f64> + ?Sized>(
     })
 }
 
+/// The least and the largest value of a measured coordinate.
+fn range(sample: &Sample, k: usize) -> (f64, f64) {
+    let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+        (low.min(*x), high.max(*x))
+    })
+}
+
 /// Whether a measured coordinate moves: another unit of one that does not is only another posture.
 fn moves(sample: &Sample, k: usize) -> bool {
-    let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
-        (low.min(*x), high.max(*x))
-    });
+    let (low, high) = range(sample, k);
     // a filter leaves rounding errors
     high - low > 1e-9 * low.abs().max(high.abs())
 }
@@ -557,8 +567,21 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
         };
         pairs.map(one).collect()
     };
+    let least = |c: usize| {
+        if motion(c) == Motion::Rotation {
+            MIN_RANGE
+        } else {
+            MIN_RANGE_OF_SLIDE
+        }
+    };
+    let moves_in_unit = |k: usize, c: usize| {
+        let (low, high) = range(sample, k);
+        let read = positions.get(k).map_or(1.0, |own| own.factor.abs());
+        (high - low) * read * unit(c) > least(c)
+    };
     for kind in [Motion::Rotation, Motion::Translation] {
-        if sample.measured.iter().any(|c| motion(*c) == kind) {
+        let mut own = sample.measured.iter().enumerate();
+        if own.any(|(k, c)| motion(*c) == kind && moves_in_unit(k, *c)) {
             out.push(plain(scaled(&|c| motion(c) == kind), 1));
         }
     }
@@ -598,7 +621,7 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
         .enumerate()
         .filter(|(k, _)| moves(sample, *k))
     {
-        if sample.measured.len() > 1 {
+        if sample.measured.len() > 1 && moves_in_unit(k, *c) {
             out.push(plain(scaled(&|other| other == *c), 1));
         }
         let mut flipped = plain(positions.to_vec(), 1);
@@ -635,7 +658,11 @@ mod tests {
     fn hypotheses_on_positions_take_the_efforts_of_their_joints_with_them() {
         let (model, own) = (swings(true), [2.0, 5.0, 0.7]);
         let plain = Reading::plain(3);
-        let all = candidates(&model, &sample(), &own, &plain, &plain);
+        // a motion that would be none in another unit is not tried in it
+        let small = candidates(&model, &sample(), &own, &plain, &plain);
+        let wide = with(|s| s.motion[0].iter_mut().for_each(|q| *q *= 100.0));
+        let all = candidates(&model, &wide, &own, &plain, &plain);
+        assert!(small.len() < all.len());
         let degree = core::f64::consts::PI / 180.0;
         let (mut scaled, mut turned, mut exchanged) = (Vec::new(), 0, 0);
         for candidate in &all {

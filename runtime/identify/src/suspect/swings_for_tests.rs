@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
+use crate::data::{Logs, Settings};
 use crate::intervals::Random;
 use regen_runtime::{
     Arguments, BaseFunction, BaseInfo, BaseParameter, BaseTerm, Condition, Function, Info, Joint,
@@ -343,6 +344,88 @@ fn the_change_that_is_found_undoes_a_mistake_in_positions() {
         one,
         0.02,
     );
+}
+
+#[test]
+fn the_ratio_of_a_position_is_told_to_be_that_of_a_gear() {
+    let model = swings(false);
+    for (k, factor) in [(0, 0.5), (1, 1.0 / core::f64::consts::TAU), (2, 3.0)] {
+        let what = format!("{factor} times q{}", k + 1);
+        let mistaken = with(|s| scale(s, k, factor));
+        assert_undone(&what, &model, &mistaken, [1.0; 3], 1e-9);
+    }
+    // less may be an error of the geometry
+    assert_eq!(found(&model, &with(|s| scale(s, 1, 1.1)), [1.0; 3]), None);
+}
+
+#[test]
+fn efforts_that_are_all_late_are_told_with_how_late_they_are() {
+    let model = swings(true);
+    for late in [0.05, 0.15, -0.08] {
+        let log = written(&format!("behind-{late}"), 4000, late, |_| true);
+        let settings = Settings {
+            method: crate::signals::Method::Butterworth {
+                order: 4,
+                cutoff: 8.0,
+            },
+            ..Settings::default()
+        };
+        let logs = Logs::open(&model, std::slice::from_ref(&log.0), &settings).unwrap();
+        let change = found(&model, &logs.sample(0).unwrap(), [1.0; 3]).unwrap();
+        assert!((change.behind - late).abs() < 2e-3, "{late}: {change:?}");
+        // those that are corrected are none any more
+        let names = ["q1", "q2", "q3"].map(|name| (name.to_owned(), late));
+        let settings = Settings {
+            delays: names.to_vec(),
+            ..settings.clone()
+        };
+        let logs = Logs::open(&model, std::slice::from_ref(&log.0), &settings).unwrap();
+        assert_eq!(
+            found(&model, &logs.sample(0).unwrap(), [1.0; 3]),
+            None,
+            "{late}"
+        );
+    }
+}
+
+#[test]
+fn another_unit_in_which_a_joint_would_hardly_move_is_not_looked_for() {
+    let model = swings(true);
+    let small = with(|s| {
+        for (k, own) in s.motion.iter_mut().enumerate() {
+            own[0] = 0.4 * own[0] + if k == 0 { 1.0 } else { 0.0 };
+        }
+        s.efforts[0] = 3.0 * (s.time * 1.7).sin();
+    });
+    let change = found(&model, &small, [1.0; 3]);
+    let degree = core::f64::consts::PI / 180.0;
+    let is_degree = |own: &Reading| (own.factor - degree).abs() < 1e-9;
+    assert!(!change.is_some_and(|change| change.positions.iter().any(is_degree)));
+}
+
+#[test]
+fn a_drift_of_an_effort_is_told_with_its_size() {
+    let model = swings(false);
+    let of = |change: f64| {
+        let all = sample();
+        let last = all.states.last().map_or(1.0, |s| s.time);
+        let drifting = with(|s| s.efforts[2] += change * s.time / last);
+        look(&model, &drifting, &[1.0; 3], None, &mut |_, _| {}).drifts
+    };
+    assert_eq!(of(0.0), []);
+    let found = of(3.0);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found[0].effort, 2);
+    assert!((found[0].change / 3.0 - 1.0).abs() < 0.3, "{found:?}");
+}
+
+#[test]
+fn a_factor_that_leaves_noise_is_told_however_small_it_is() {
+    let model = swings(false);
+    let change = found(&model, &with(|s| s.efforts[1] *= 1.2), [1.0; 3]).unwrap();
+    let factors: Vec<f64> = change.efforts.iter().map(|own| own.factor).collect();
+    assert!((factors[1] * 1.2 - 1.0).abs() < 0.02, "{change:?}");
+    assert!((factors[0] - 1.0).abs() < 1e-9 && (factors[2] - 1.0).abs() < 1e-9);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Hypotheses on single numbers that the equations determine: a constant in an effort, the zero of a
-//! position, the rate of the rows, how late a position is. Those that explain the errors together are
-//! found by Gauss and Newton.
+//! position and its ratio, the rate of the rows, how late a position is, or all efforts are. Those that
+//! explain the errors together are found by Gauss and Newton.
 
 use super::grams::{Fit, Grams, Stored, solve};
 use super::trial::{MAX_CORRELATION_OF_NOISE, correlation};
@@ -8,7 +8,7 @@ use core::cell::Cell;
 
 use super::{
     Change, DOUBTED_ERROR, MAX_CORRELATION_OF_WHITE, MAX_OFFSET_PART, MIN_GAIN_PER_COLUMN,
-    MIN_OFFSET_PART, Measured, Reading, Sample, implausible_count, least_states,
+    MIN_OFFSET_PART, Measured, Reading, Sample, implausible_count, least_states, quality, worst,
 };
 use regen_runtime::{BaseModel, Motion};
 
@@ -46,8 +46,14 @@ const MIN_GAIN: f64 = 1.1;
 const MIN_GAIN_OF_MOTION: f64 = 1.5;
 /// The smallest relative error that is compared.
 const LEAST_ERROR: f64 = 1e-3;
-/// The largest delay of a position, s; the smallest is a step of the log.
+/// The largest delay of a position or of the efforts, s; the smallest is a step of the log.
 const MAX_LATE: f64 = 0.5;
+/// The delays of all efforts from which one is looked for, s.
+const DELAYS: [f64; 5] = [-0.1, 0.05, 0.12, 0.2, 0.3];
+/// The ratios of a position by which it is looked for: less may be an error of the geometry.
+const RATIOS: core::ops::Range<f64> = 1.2..30.0;
+/// Ratios of gears are whole numbers, or a turn, if they are nearer than this part.
+const MAX_OFF_RATIO: f64 = 0.02;
 /// The factors by which a rate is looked for: a clock is more exact, and more is another unit.
 const RATES: core::ops::Range<f64> = 1.05..10.0;
 /// Rates of rows are round: one of these times a power of ten, nearer than the first part, and than chance allows if
@@ -71,6 +77,10 @@ enum Unknown {
     Rate,
     /// How late a position is, s.
     Late(usize),
+    /// The logarithm of the factor on a position and its derivatives.
+    Ratio(usize),
+    /// How late all efforts are, s.
+    Behind,
 }
 
 /// Numbers that were tried.
@@ -93,12 +103,41 @@ struct Search<'a, M: ?Sized> {
     left: Cell<usize>,
 }
 
-/// Finds the numbers that explain the errors, if that is no chance.
+/// Finds the numbers that explain the errors, if that is no chance: zeros, constants and single delays, or else, or
+/// where these leave much, a ratio or the delay of all efforts.
 pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,
     grams: &Grams,
     now: &Fit,
+) -> Option<Change> {
+    // several that are late may be efforts that are early
+    let first = search_among(model, sample, grams, now, &unknowns(model, sample));
+    if first
+        .as_ref()
+        .is_some_and(|own| worst(&own.after) < DOUBTED_ERROR && own.late.len() < 2)
+    {
+        return first;
+    }
+    let ratios = (0..sample.measured.len()).map(Unknown::Ratio);
+    let others: Vec<Unknown> = ratios.chain([Unknown::Behind]).collect();
+    let second = search_among(model, sample, grams, now, &others);
+    let is_better = |own: &Change| {
+        first.as_ref().is_none_or(|first| {
+            let more = own.number_count() - first.number_count();
+            quality(&own.after) * MIN_GAIN.powi(more) < quality(&first.after)
+        })
+    };
+    second.filter(is_better).or(first)
+}
+
+/// As [`search`], among some unknowns.
+fn search_among<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    grams: &Grams,
+    now: &Fit,
+    unknowns: &[Unknown],
 ) -> Option<Change> {
     let least = least_states(model);
     if sample.states.len() < least {
@@ -111,8 +150,18 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         left: Cell::new(MAX_WORK.max(MIN_PASSES * least).max(2 * sample.whole)),
     };
     let mut found = few.of(Vec::new())?;
+    if unknowns.contains(&Unknown::Behind) {
+        // beyond a part of a swing no slope leads to a delay
+        let begun = DELAYS.map(|by| few.of(vec![(Unknown::Behind, by)]));
+        let least = |a: &Tried, b: &Tried| log_errors(&a.fit).total_cmp(&log_errors(&b.fit));
+        let begun = begun.into_iter().flatten().min_by(least);
+        let begun = begun.map(|own| few.settled(own));
+        if let Some(own) = begun.filter(|own| few.matters(own) && own.adds_to(&found)) {
+            found = own;
+        }
+    }
     for _ in 0..MOST {
-        let more = few.with_one_more(&found);
+        let more = few.with_one_more(&found, unknowns);
         let Some(more) = more.map(|more| few.without_needless(more)) else {
             break;
         };
@@ -230,41 +279,49 @@ fn moved(sample: &Sample, every: usize, by: &[(Unknown, f64)]) -> Sample {
     let mut states = Vec::with_capacity(sample.states.len() / every + 1);
     for (place, state) in sample.states.iter().enumerate().step_by(every.max(1)) {
         let mut own: Measured = state.clone();
+        let mut add = |d: usize, k: usize, x: f64| {
+            let entries = own.motion[d].iter_mut().skip(k).take(1);
+            entries.for_each(|own| *own += x);
+        };
+        let shift = |k: usize| {
+            let one = |(unknown, value): &(Unknown, f64)| match unknown {
+                Unknown::Late(late) if *late == k => *value,
+                // efforts that are late are those of earlier motion
+                Unknown::Behind => -value,
+                _ => 0.0,
+            };
+            by.iter().map(one).sum::<f64>()
+        };
+        for k in 0..sample.measured.len() {
+            let by = shift(k);
+            if by != 0.0 {
+                let more = later(&sample.states, place, k, by);
+                more.into_iter().enumerate().for_each(|(d, x)| add(d, k, x));
+            }
+        }
+        let of = |list: &mut [f64], k: usize, change: &dyn Fn(&mut f64)| {
+            list.iter_mut().skip(k).take(1).for_each(change);
+        };
+        for (unknown, value) in by {
+            if let Unknown::Ratio(k) = unknown {
+                let factor = libm::exp(*value);
+                (own.motion.iter_mut()).for_each(|list| of(list, *k, &|x| *x *= factor));
+            }
+        }
         for (unknown, value) in by {
             match unknown {
-                Unknown::Effort(k) => own
-                    .efforts
-                    .iter_mut()
-                    .skip(*k)
-                    .take(1)
-                    .for_each(|u| *u -= value),
-                Unknown::Position(k) => {
-                    own.motion[0]
-                        .iter_mut()
-                        .skip(*k)
-                        .take(1)
-                        .for_each(|q| *q += value);
-                }
+                Unknown::Effort(k) => of(&mut own.efforts, *k, &|u| *u -= value),
+                Unknown::Position(k) => of(&mut own.motion[0], *k, &|q| *q += value),
                 Unknown::Rate => {
-                    own.motion[1]
-                        .iter_mut()
-                        .for_each(|v| *v /= libm::exp(*value));
-                    own.motion[2]
-                        .iter_mut()
-                        .for_each(|a| *a /= libm::exp(2.0 * value));
-                }
-                Unknown::Late(k) => {
-                    for (d, x) in later(&sample.states, place, *k, *value)
-                        .into_iter()
-                        .enumerate()
-                    {
-                        own.motion[d]
-                            .iter_mut()
-                            .skip(*k)
-                            .take(1)
-                            .for_each(|own| *own += x);
+                    let [_, qd, qdd] = &mut own.motion;
+                    for v in qd {
+                        *v /= libm::exp(*value);
+                    }
+                    for a in qdd {
+                        *a /= libm::exp(2.0 * value);
                     }
                 }
+                Unknown::Late(_) | Unknown::Ratio(_) | Unknown::Behind => {}
             }
         }
         states.push(own);
@@ -343,12 +400,15 @@ impl Tried {
         } else {
             MIN_GAIN_OF_MOTION
         };
+        // a delay of all is not that of one effort, of which noise may be left
+        let is_of_all = self.values.iter().all(|own| own.0 == Unknown::Behind);
         gain >= needed
-            && pairs.all(|(after, before)| {
-                *after < DOUBTED_ERROR
-                    || *before < MIN_GAIN * after
-                    || *before > MIN_GAIN_PER_COLUMN * after
-            })
+            && (is_of_all
+                || pairs.all(|(after, before)| {
+                    *after < DOUBTED_ERROR
+                        || *before < MIN_GAIN * after
+                        || *before > MIN_GAIN_PER_COLUMN * after
+                }))
     }
 
     fn weights(&self) -> Vec<f64> {
@@ -399,6 +459,14 @@ impl Tried {
                         .take(1)
                         .for_each(|own| own.offset = *value);
                 }
+                Unknown::Ratio(k) => {
+                    out.positions
+                        .iter_mut()
+                        .skip(*k)
+                        .take(1)
+                        .for_each(|own| own.factor = libm::exp(*value));
+                }
+                Unknown::Behind => out.behind = *value,
                 Unknown::Rate => out.times = libm::exp(*value),
                 Unknown::Late(k) => out.late.push((*k, *value)),
             }
@@ -496,8 +564,12 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
                 let step = part * step;
                 own.1 += match own.0 {
                     Unknown::Effort(_) => step,
-                    Unknown::Late(_) => step.clamp(-0.2 * MAX_CHANGE, 0.2 * MAX_CHANGE),
-                    Unknown::Rate => step.clamp(-MAX_CHANGE_OF_RATE, MAX_CHANGE_OF_RATE),
+                    Unknown::Late(_) | Unknown::Behind => {
+                        step.clamp(-0.2 * MAX_CHANGE, 0.2 * MAX_CHANGE)
+                    }
+                    Unknown::Rate | Unknown::Ratio(_) => {
+                        step.clamp(-MAX_CHANGE_OF_RATE, MAX_CHANGE_OF_RATE)
+                    }
                     Unknown::Position(_) => step.clamp(-MAX_CHANGE, MAX_CHANGE),
                 };
             }
@@ -528,10 +600,10 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
     }
 
     /// These numbers and the one more that explains most at its optimum, if that is no chance.
-    fn with_one_more(&self, from: &Tried) -> Option<Tried> {
+    fn with_one_more(&self, from: &Tried, unknowns: &[Unknown]) -> Option<Tried> {
         let residuals = from.residuals();
         let mut first: Vec<(f64, Unknown, Vec<f64>)> = Vec::new();
-        for unknown in unknowns(self.model, self.sample) {
+        for unknown in unknowns.iter().copied() {
             let is_known = from.values.iter().any(|own| own.0 == unknown);
             if let (false, Some(slope)) = (is_known, self.slope(from, unknown)) {
                 let part = dot(&slope, &residuals).powi(2) / dot(&slope, &slope);
@@ -593,6 +665,8 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
                 (MIN_OFFSET_PART * rms..MAX_OFFSET_PART * rms).contains(&value.abs())
             }
             Unknown::Late(_) => *value > self.sample.step && *value < MAX_LATE,
+            Unknown::Behind => value.abs() > self.sample.step && value.abs() < MAX_LATE,
+            Unknown::Ratio(_) => RATIOS.contains(&libm::exp(value.abs())),
             Unknown::Rate => RATES.contains(&libm::exp(value.abs())),
             Unknown::Position(_) => true,
         }
@@ -623,6 +697,15 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
                     if turns && near != 0.0 && (near - *value).abs() < MAX_OFF_QUARTER {
                         *value = near;
                     }
+                }
+                Unknown::Ratio(_) => {
+                    let size = libm::exp(value.abs());
+                    let turn = core::f64::consts::TAU;
+                    let near = [size.round(), turn].into_iter();
+                    let mut near = near.filter(|near| (near / size - 1.0).abs() < MAX_OFF_RATIO);
+                    *value = near
+                        .next()
+                        .map_or(*value, |near| libm::log(near) * value.signum());
                 }
                 _ => {}
             }

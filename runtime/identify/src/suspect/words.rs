@@ -4,7 +4,7 @@ use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
 use super::positions::Contradiction;
-use super::{Change, FarEffort, Nominal, Reading, Sample, Shift, Spikes};
+use super::{Change, CutOff, Drift, FarEffort, Nominal, Parts, Reading, Sample, Shift, Spikes};
 use crate::data::{Assignment, Quantity};
 use crate::text;
 
@@ -205,6 +205,71 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         )
     }
 
+    /// The suspicion that efforts are cut off.
+    pub(super) fn cut_off(&self, efforts: &[CutOff]) -> Option<Suspicion> {
+        let one = |own: &CutOff| {
+            let source = self.effort(own.effort);
+            let [at, needed] =
+                [own.at, own.needed].map(|x| text::figure_of(3, (x / source.factor).abs()));
+            format!(
+                "column `{}` is cut off where its size is about {at}, in {:.0} % of the rows, where the model needs up to \
+                 {needed}",
+                source.column,
+                100.0 * own.part
+            )
+        };
+        let words: Vec<String> = efforts.iter().map(one).collect();
+        let advice = "The actuator or its sensor is saturated: leave these rows out, or log a motion that \
+                      needs less";
+        (!words.is_empty()).then(|| {
+            let remedy = Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: Vec::new(),
+            };
+            self.suspicion(words.join(", and "), remedy)
+        })
+    }
+
+    /// The suspicion that a log is of two parts.
+    ///
+    /// - `before`: the errors of the equations of the whole log.
+    pub(super) fn divided(&self, parts: &Parts, before: &[f64]) -> Suspicion {
+        let time = text::figure_of(3, parts.time);
+        let mut out = self.suspicion(
+            format!("up to about {time} s and from there on, other parameters fit"),
+            Remedy::Read {
+                advice: vec![format!(
+                    "A payload, a tool, a gain or a unit changes, or another run begins: find the row, and \
+                     give the parts as runs of their own, by `times` in an experiment file"
+                )],
+                columns: Vec::new(),
+            },
+        );
+        let percent = |errors: &[f64]| Some(100.0 * errors.iter().fold(0.0, |m: f64, e| m.max(*e)));
+        (out.error, out.changed) = (percent(before), percent(&parts.after));
+        out
+    }
+
+    /// The suspicion that efforts drift over the log.
+    pub(super) fn drifting(&self, drifts: &[Drift]) -> Option<Suspicion> {
+        let one = |own: &Drift| {
+            let source = self.effort(own.effort);
+            let change = text::figure_of(3, own.change / source.factor);
+            let column = source.column;
+            format!("column `{column}` drifts by {change} from what the model explains of it")
+        };
+        let words: Vec<String> = drifts.iter().map(one).collect();
+        let advice = "Its sensor or the friction of its joint warms up: take the zero of the sensor again \
+                      before each run, log runs that are shorter, or log after the robot has warmed up";
+        (!words.is_empty()).then(|| {
+            let remedy = Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: Vec::new(),
+            };
+            self.suspicion(words.join(", and "), remedy)
+        })
+    }
+
     /// The suspicion that efforts are not what acted in a part of the log.
     pub(super) fn far(&self, efforts: &[FarEffort]) -> Option<Suspicion> {
         let one = |own: &FarEffort| {
@@ -296,6 +361,20 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             advice.push(
                 "Log it at the time of the others, as no option shifts a position".to_owned(),
             );
+        }
+        if change.behind != 0.0 {
+            let when = if change.behind > 0.0 { "late" } else { "early" };
+            words.push(format!(
+                "all efforts look {} ms {when}",
+                text::figure_of(3, 1e3 * change.behind.abs())
+            ));
+            let option = |(k, c): (usize, &usize)| {
+                let corrected = sample.delays.get(k).copied().unwrap_or(0.0);
+                let all = text::figure_of(3, change.behind + corrected);
+                format!("--delay {}={all}", self.name(*c))
+            };
+            let options: Vec<String> = info.actuated.iter().enumerate().map(option).collect();
+            advice.push(format!("Give {}", options.join(" ")));
         }
         let mut read = change.efforts.clone();
         for (reading, offset) in read.iter_mut().zip(&change.offsets) {
@@ -464,6 +543,9 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
                 || (size - 1.0).abs() < 1e-9
             {
                 r.factor
+            } else if matches!(to, Quantity::Position(_)) {
+                let ratio = text::figure_of(5, size);
+                ratio.parse().unwrap_or(size).copysign(factor)
             } else {
                 rounded(size).copysign(factor) * constant
             };
@@ -504,13 +586,17 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         }
         for (size, names) in units {
             let unit = UNITS.iter().find(|u| (size / u.0 - 1.0).abs() < 1e-9);
-            let what = match unit {
-                Some((_, what)) => (*what).to_owned(),
-                None => format!(
-                    "{:.3} times what it should be: a gain or a unit is missing",
-                    1.0 / size
-                ),
+            let missing = match quantities.first() {
+                Some(Quantity::Position(_)) => "a gear's ratio",
+                _ => "a gain",
             };
+            let what = unit.map_or_else(
+                || {
+                    let times = 1.0 / size;
+                    format!("{times:.3} times what it should be: {missing} or a unit is missing")
+                },
+                |own| own.1.to_owned(),
+            );
             let plural = if names.len() > 1 {
                 ("columns", "look")
             } else {

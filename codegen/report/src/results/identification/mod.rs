@@ -20,4 +20,6 @@ pub use simulated::{EffortsOfLogs, Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};
 pub use summary::{BiasRemedy, EffortSummary, Identification, ModelErrors, Summary, Suspected};
 pub use text::identification_text;
-pub use warnings::{coarse_friction, noisy_accelerations, too_few, too_short, unexplained};
+pub use warnings::{
+    coarse_friction, noise_alone, noisy_accelerations, too_few, too_short, unexplained,
+};

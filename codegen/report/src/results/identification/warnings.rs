@@ -74,6 +74,52 @@ pub fn unexplained(errors: &[EffortError], has_friction: bool, has_remedy: bool)
     })
 }
 
+/// What is said of efforts of which the model explains little since they are mostly noise: a warning, or a note
+/// where that is no surprise. `None` without any.
+///
+/// - `is_expected`: whether the nominal bodies need no more of these efforts than is explained.
+///
+/// ```
+/// use regen_identify::estimate::EffortError;
+/// use regen_report::results::noise_alone;
+///
+/// let error = EffortError {
+///     name: "q3".to_owned(),
+///     samples: 100,
+///     relative_absolute: 99.0,
+///     rms: 0.1,
+///     relative_rms: 99.0,
+///     largest: 0.3,
+///     autocorrelation: Vec::new(),
+///     whiteness_p_value: 0.5,
+/// };
+/// assert_eq!(noise_alone(&[], false), None);
+/// let text = noise_alone(&[error.clone()], false).unwrap_or_default();
+/// assert!(text.starts_with("warning: these efforts are mostly noise: q3 (99 % are left)"));
+/// assert!(noise_alone(&[error], true).unwrap_or_default().starts_with("note: "));
+/// ```
+pub fn noise_alone(errors: &[EffortError], is_expected: bool) -> Option<String> {
+    let names: Vec<String> = errors
+        .iter()
+        .map(|e| format!("{} ({:.0} % are left)", e.name, e.relative_rms))
+        .collect();
+    let (kind, why) = if is_expected {
+        ("note", "The nominal bodies need no more of them")
+    } else {
+        (
+            "warning",
+            "Their channels may not be connected, or be those of others",
+        )
+    };
+    (!names.is_empty()).then(|| {
+        format!(
+            "{kind}: these efforts are mostly noise: {}. {why}; parameters that act in them alone stay \
+             unknown, whatever their deviations",
+            names.join(", ")
+        )
+    })
+}
+
 /// The warning about runs whose accelerations are nearly all noise of the positions: parameters that act
 /// through them are then far too small. `None` without such runs.
 ///
