@@ -76,8 +76,12 @@ mod tests {
         let page = html(&file);
         let last: Vec<&str> = page
             .lines()
-            .filter(|line| line.starts_with("<tr><td>"))
-            .filter_map(|line| line.rsplit_once("<td>")?.1.strip_suffix("</td></tr>"))
+            .filter(|line| line.starts_with("<tr><td "))
+            .filter_map(|line| {
+                line.strip_suffix("</td></tr>")?
+                    .rsplit_once('>')
+                    .map(|row| row.1)
+            })
             .collect();
         assert_eq!(last, ["2.500", "-2.000", "–"], "{page}");
         let alone = ParameterFile {
