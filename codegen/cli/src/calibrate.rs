@@ -1,6 +1,6 @@
 //! `regen calibrate`: the geometry of a mechanism from poses that were measured.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use regen_calibrate::{
     CalibrateError, Convention, Geometry, Kind, Mounting, Pose, Problem, Sensor, Simulation,
@@ -19,7 +19,7 @@ use regen_interpreted::{ChosenGeometry, Described};
 use regen_report::results::{Calibrated, calibrated_text};
 use regen_runtime::Info;
 
-use crate::args::{CalibrateArgs, Format};
+use crate::args::{CalibrateArgs, Format, require_unread};
 use crate::exit::Failure;
 use crate::{load, mistakes, table, terminal, write};
 
@@ -44,6 +44,10 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let own = args.file.parent().unwrap_or(Path::new(""));
     let folder = args.folder.as_deref().unwrap_or(own);
     let runs = file.runs_in(folder, Purpose::Identify);
+    for output in [&args.geometry, &args.report].into_iter().flatten() {
+        let files = runs.iter().flat_map(|run| &run.files);
+        require_unread(output, files.map(PathBuf::as_path))?;
+    }
     let sensors = sensors(&source, plan, &described)?;
     let geometry = geometry(&args.unknown, plan, &described, &sensors)?;
     let logs = match &args.simulate {

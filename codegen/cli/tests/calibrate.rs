@@ -172,6 +172,15 @@ fn names_of_the_geometry_are_written_into_the_description_and_nothing_else_chang
         );
     }
     assert_eq!(restored, text);
+
+    // the log that only the plan names is no file to write to
+    let poses = fs::read(dir.join("poses.csv")).unwrap();
+    for output in ["--geometry", "--report"] {
+        let words = ["calibrate", "delta.yaml", "plan.yaml", output, "poses.csv"];
+        let err = regen(&dir, &words).ended(2).err;
+        assert!(err.contains("would be read and overwritten"), "{err}");
+        assert_eq!(fs::read(dir.join("poses.csv")).unwrap(), poses);
+    }
 }
 
 /// The rms before and after of a calibration, and what it changed.
