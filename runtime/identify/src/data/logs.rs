@@ -92,7 +92,8 @@ impl MissingRows {
         if rows >= 1.0 {
             #[allow(clippy::cast_sign_loss, reason = "at least 1")]
             let rows = rows as usize;
-            self.count += rows;
+            // a clock may jump by any number of steps
+            self.count = self.count.saturating_add(rows);
             if self.spans.len() < Self::MAX_SPANS {
                 self.spans.push([before, time]);
             }
