@@ -2,7 +2,7 @@
 
 use regen_codegen::robot::Robot;
 use regen_identify::choice::Choice;
-use regen_identify::data::{Assignment, DataError, ValuesFrom};
+use regen_identify::data::{Assignment, DataError, Decision, ValuesFrom};
 use regen_identify::estimate::{EffortError, EstimateError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{self, EquationKind, Options, digest};
@@ -566,7 +566,9 @@ fn logs(
     observe::note_problems(&start.reports);
     let short = results::too_short(&start.deviations).filter(|_| args.bandwidth.is_none());
     let few = results::too_few(&start);
-    let noisy = results::noisy_accelerations(&start.reports);
+    // the choice of a filter weighs what noise of the motion biases
+    let noisy = results::noisy_accelerations(&start.reports)
+        .filter(|_| session.reading.method_by != Decision::Chosen);
     for text in noisy.iter().chain(&few).chain(&short) {
         terminal::note(text);
     }

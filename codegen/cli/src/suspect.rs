@@ -19,12 +19,6 @@ use crate::{observe, progress, terminal};
 /// The cutoff, in the rate of the rows, and the order of the filter where none could be chosen.
 const LOW_CUTOFF: f64 = 0.05;
 const FILTER_ORDER: usize = 4;
-/// What is left of an effort is noise if it is at most so many times the noise at high frequencies.
-const MAX_NOISE_RATIO: f64 = 1.5;
-/// Nominal bodies that need less than so many times what is explained of an effort do not contradict it.
-const MAX_NEEDED: f64 = 3.0;
-/// Of noise, this part is explained by chance.
-const EXPLAINED_BY_CHANCE: f64 = 0.1;
 
 /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
 fn with_options(found: suspect::Suspicion) -> Suspected {
@@ -201,37 +195,13 @@ pub(crate) fn without_noise(
     logs: &Logs<'_, Interpreted<'_>>,
     errors: Vec<EffortError>,
 ) -> Vec<EffortError> {
-    if errors.iter().all(EffortError::is_explained) {
+    let Ok(found) = suspect::noise_alone(model, logs, errors.clone()) else {
         return errors;
-    }
-    let info = model.info();
-    let noise = logs.effort_noise().unwrap_or_default();
-    let place = |list: &[usize], name: &str| {
-        let named = |c: &usize| info.coordinates.get(*c) == Some(&name);
-        list.iter().position(named)
     };
-    let is_noise = |own: &EffortError| {
-        let noise = place(info.actuated, &own.name).and_then(|k| noise.get(k));
-        let is_left = own.relative_absolute.is_finite() && !own.is_explained();
-        is_left && noise.is_some_and(|noise| own.rms <= MAX_NOISE_RATIO * noise)
-    };
-    let (noisy, errors): (Vec<_>, Vec<_>) = errors.into_iter().partition(is_noise);
-    if noisy.is_empty() {
-        return errors;
-    }
-    let sample = logs.sample(0).ok();
-    let needed = sample.and_then(|own| suspect::needed_by_bodies(model, &own));
-    let is_expected = |own: &EffortError| {
-        let needed = needed.as_ref();
-        let needed = place(info.independent, &own.name).and_then(|i| needed?.get(i).copied());
-        let explained = own.explained().max(EXPLAINED_BY_CHANCE * own.rms);
-        needed.is_some_and(|needed| needed < MAX_NEEDED * explained)
-    };
-    let (expected, doubted): (Vec<_>, Vec<_>) = noisy.into_iter().partition(is_expected);
     let texts = [
-        results::noise_alone(&doubted, false),
-        results::noise_alone(&expected, true),
+        results::noise_alone(&found.doubted, false),
+        results::noise_alone(&found.expected, true),
     ];
     texts.iter().flatten().for_each(|text| terminal::note(text));
-    errors
+    found.rest
 }

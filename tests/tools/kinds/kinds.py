@@ -115,8 +115,8 @@ class Trial:
         random = np.random.default_rng([o.seed, seed])
         self.name = o.robots[seed % len(o.robots)]
         motion = str(random.choice(MOTIONS))
-        self.rate = float(random.choice([100, 200]))
-        noise = str(random.choice(NOISE)) + ("+vel:1e-3" if random.uniform() < 0.3 else "")
+        self.rate = float(random.choice(o.rates))
+        noise = str(random.choice(o.noise)) + ("+vel:1e-3" if random.uniform() < 0.3 else "")
         self.title = f"{self.name} {motion} {self.rate:g} Hz {noise} seed {o.seed}/{seed}"
         self.spec = defaults.spec_file(self.name, o.cache)
         self.run = robots.Run(self.spec, motion, int(random.integers(o.motions)), o.time, o.cache)
@@ -292,6 +292,8 @@ def main():
     r.add_argument("--only", default="", help="only the logs of these numbers")
     r.add_argument("--seed", type=int, default=1)
     r.add_argument("--motions", type=int, default=3, help="motions of each kind and robot")
+    r.add_argument("--rates", default="100,200", help="rates of the rows, Hz")
+    r.add_argument("--noise", default=",".join(NOISE), help="noise of the positions, as of defaults.py")
     r.add_argument("--time", type=float, default=10)
     r.add_argument("--effort", type=float, default=0.02, help="noise of the efforts over their rms")
     r.add_argument("--cache", default=str(pathlib.Path(tempfile.gettempdir()) / "regen-defaults"))
@@ -312,6 +314,7 @@ def main():
                 print(json.dumps(row))
         return 0
     o.robots, o.kinds = o.robots.split(","), [k for k in o.kinds.split(",") if k]
+    o.rates, o.noise = [float(rate) for rate in o.rates.split(",")], o.noise.split(",")
     o.command = defaults.copied(o.regen, o.cache)
     jobs = [(o, k, False) for k in range(o.logs)] + [(o, 10**6 + k, True) for k in range(o.clean)]
     if o.only:

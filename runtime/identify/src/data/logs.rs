@@ -150,6 +150,8 @@ const MAX_SUPPORT_ROWS: usize = 1_000_000;
 /// The part of the squared accelerations of a coordinate from which on their noise is told: inertia that
 /// acts through them is then found twenty times too small.
 const NOISE_PART: f64 = 0.95;
+/// Rise time of a low-pass filter after a step, in periods of its cutoff frequency.
+const RISE_TIME_PERIODS: f64 = 0.3;
 /// A position that goes on as noise does but changes from row to row by more than this, rad or m, is that of
 /// separate poses.
 const MIN_POSE_TRAVEL: f64 = 0.02;
@@ -554,11 +556,26 @@ pub(super) fn delays(info: &Info<'_>, settings: &Settings) -> Vec<f64> {
     info.actuated.iter().map(of).collect()
 }
 
+/// The time over which derivatives mix samples, s.
+///
+/// - `method`: how positions are differentiated.
+pub(super) fn reach(log: &Log, method: Method, encoder: Encoder) -> f64 {
+    let step = log.survey.time_step();
+    if log.file.layout.derivatives || log.series.is_some() {
+        return step;
+    }
+    match method {
+        Method::Butterworth { cutoff, .. } => (RISE_TIME_PERIODS / cutoff).max(2.0 * step),
+        Method::Local { half_width } => (0.5 * half_width).max(2.0 * step),
+        _ => encoder.neighbours.max(1) as f64 * step,
+    }
+}
+
 /// The speed of each measured coordinate below which its friction may not be that of sliding, rad/s
 /// or m/s: twice the standard deviation of the differentiated encoder noise, which may turn its
 /// sign, at least `rest_speed`, and at least a part of its rms speed: a joint that sticks while it
 /// reverses creeps, and its friction is anywhere between that of both directions.
-fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
+pub(super) fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
     let gain = if log.file.layout.derivatives || log.series.is_some() {
         0.0
     } else {
@@ -678,24 +695,50 @@ fn noisy(
     if rows == 0 || layout.derivatives || log.series.is_some() || settings.period.is_some() {
         return Ok(Vec::new());
     }
+    let method = settings.method.of_states(log.survey.time_step());
+    let noise = motion_noise(log, method).map_err(|why| signal(&log.file, why))?;
+    let coordinates = layout.measured.iter().zip(&log.encoders);
+    let coordinates = coordinates.zip(&layout.velocities);
+    let found = coordinates.zip(noise.iter().zip(squares));
+    let found = found.filter(|(((_, encoder), velocity), ([_, noise], square))| {
+        let is_noise = noise * noise > NOISE_PART * *square / rows as f64;
+        velocity.is_none() && !encoder.still && is_noise
+    });
+    Ok(found.map(|(((c, _), _), _)| *c).collect())
+}
+
+/// The standard deviations of the noise of the velocity and of the acceleration of each measured coordinate; 0
+/// for those that are measured, or follow from a series.
+///
+/// - `method`: how positions are differentiated.
+pub(super) fn motion_noise(log: &Log, method: Method) -> Result<Vec<[f64; 2]>, SignalError> {
+    let layout = &log.file.layout;
+    if layout.derivatives || log.series.is_some() {
+        return Ok(vec![[0.0; 2]; layout.measured.len()]);
+    }
     let step = log.survey.time_step();
-    let method = settings.method.of_states(step);
-    let gain = match method {
-        Method::Central => None,
-        _ => Some(method.gains(step).map_err(|why| signal(&log.file, why))?[1]),
-    };
-    let of_positions = layout.velocities.iter().map(Option::is_none);
-    let encoders = log.encoders.iter().zip(of_positions).zip(squares);
-    let is_noisy = |(encoder, square): (&Encoder, &f64)| {
-        let noise = match gain {
-            Some(gain) => gain * encoder.noise,
-            None => encoder.acceleration_noise(step),
+    let gains = method.gains(step)?;
+    let is_central = method == Method::Central;
+    let one = |(place, encoder): (usize, &Encoder)| {
+        let is_measured = |of: &[Option<usize>]| of.get(place).copied().flatten().is_some();
+        let of_velocity = log.velocity_noise.get(place).map_or(0.0, |own| own.noise);
+        let rate = if is_measured(&layout.velocities) {
+            0.0
+        } else {
+            gains[0] * encoder.noise
         };
-        !encoder.still && noise * noise > NOISE_PART * square / rows as f64
+        let acceleration = if is_measured(&layout.accelerations) {
+            0.0
+        } else if is_measured(&layout.velocities) {
+            gains[0] * of_velocity
+        } else if is_central {
+            encoder.acceleration_noise(step)
+        } else {
+            gains[1] * encoder.noise
+        };
+        [rate, acceleration]
     };
-    let found = layout.measured.iter().zip(encoders);
-    let found = found.filter(|(_, ((encoder, own), square))| *own && is_noisy((encoder, square)));
-    Ok(found.map(|(c, _)| *c).collect())
+    Ok(log.encoders.iter().enumerate().map(one).collect())
 }
 
 /// The time that the filters of states and equations need to settle at both ends of a segment, s.

@@ -16,6 +16,9 @@ const MAX_RATIO: f64 = 1.5;
 /// As [`MAX_RATIO`], where the correlation is above [`MIN_SAME_CORRELATION`]: neither noise nor the
 /// delay of a filter explains such a ratio.
 const MAX_SAME_RATIO: f64 = 1.07;
+/// The part of the squared integrals of an acceleration that neither the changes of the velocity nor noise explain, from
+/// which on it is another signal, such as a command.
+const MAX_UNEXPLAINED_PART: f64 = 0.1;
 /// With a higher correlation, both are the same motion but for a factor.
 const MIN_SAME_CORRELATION: f64 = 0.995;
 
@@ -71,6 +74,13 @@ pub(super) const ACCELERATIONS: Words = Words {
     prefixes: ["qdd_", "qd_"],
 };
 
+impl Words {
+    /// Whether accelerations are integrated.
+    fn is_of_accelerations(self) -> bool {
+        self.prefixes == ACCELERATIONS.prefixes
+    }
+}
+
 /// Accumulates products of the positions' changes and the velocities' integrals over stretches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rates {
@@ -86,6 +96,8 @@ pub(super) struct Rates {
     step_squares: Vec<f64>,
     integral_squares: Vec<f64>,
     products: Vec<f64>,
+    /// Sums of squared changes of the velocities between rows, times the square of their steps.
+    rate_squares: Vec<f64>,
 }
 
 impl Rates {
@@ -96,6 +108,7 @@ impl Rates {
             self.step_squares = vec![0.0; m];
             self.integral_squares = vec![0.0; m];
             self.products = vec![0.0; m * m];
+            self.rate_squares = vec![0.0; m];
         }
         if self.rows == 0 {
             self.start = row.to_vec();
@@ -105,6 +118,8 @@ impl Rates {
             for (k, sum) in self.integral.iter_mut().enumerate() {
                 *sum += 0.5 * step * (row[1 + m + k] + self.last[1 + m + k]);
                 self.step_squares[k] += (row[1 + k] - self.last[1 + k]).powi(2);
+                let change = row[1 + m + k] - self.last[1 + m + k];
+                self.rate_squares[k] += (step * change).powi(2);
             }
         }
         self.last = row.to_vec();
@@ -204,7 +219,7 @@ impl Rates {
                 assignment: Some(format!("t={clock}*{}", figure(1.0 / slope))),
             });
         }
-        let mut found: Vec<Unfit> = Vec::new();
+        let (mut found, mut other_signals): (Vec<Unfit>, Vec<String>) = (Vec::new(), Vec::new());
         for (k, pair) in pairs.iter().enumerate().take(m) {
             let Pair {
                 name,
@@ -284,7 +299,21 @@ impl Rates {
             };
             if !(1.0 / most..most).contains(&slope) {
                 found.push(scaled(slope, pair, words));
+            } else if strictness == Strictness::Doubted && words.is_of_accelerations() {
+                // of white noise, the change between rows is twice what a row adds to the integral
+                let noise = 0.5 * self.rate_squares[k] / self.integral_squares[k];
+                if 1.0 - own * own > MAX_UNEXPLAINED_PART + noise {
+                    other_signals.push(format!("`{velocity}` ({own:.2} with `{position}`)"));
+                }
             }
+        }
+        if found.is_empty() && !other_signals.is_empty() {
+            return Some(Unfit::from(format!(
+                "these columns are not the {rate}s of the measured motion, but may be commands: {}, the \
+                 correlation of its integral over {STRETCH_ROWS} rows with the {of}'s change. Leave them out, \
+                 so that {rate}s are computed",
+                other_signals.join(", ")
+            )));
         }
         together(found)
     }
@@ -475,6 +504,33 @@ mod tests {
             super::Strictness::Refused,
         );
         found.map(|own| (own.why, own.assignment))
+    }
+
+    #[test]
+    fn accelerations_that_are_commands_are_doubted_and_noisy_ones_are_not() {
+        let mut random = crate::intervals::Random(5);
+        let mut said = |of: &mut dyn FnMut(f64, &mut crate::intervals::Random) -> f64| {
+            let mut rates = super::Rates::default();
+            for k in 0..6000 {
+                let t = 0.002 * f64::from(k);
+                rates.push(
+                    1,
+                    &[t, (2.0 * t).sin(), of(2.0 * (2.0 * t).cos(), &mut random)],
+                );
+            }
+            let found = rates.judge(
+                &[pair("qd_q1")],
+                "",
+                super::ACCELERATIONS,
+                super::Strictness::Doubted,
+            );
+            found.map(|own| own.why)
+        };
+        assert_eq!(said(&mut |a, _| a), None);
+        assert_eq!(said(&mut |a, random| a + 8.0 * random.normal()), None);
+        let command = said(&mut |a, _| if a.abs() > 1.5 { 2.4 * a.signum() } else { 0.0 });
+        let command = command.unwrap_or_default();
+        assert!(command.contains("`vqd_q1` (0.9"), "{command}");
     }
 
     #[test]

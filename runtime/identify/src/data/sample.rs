@@ -2,13 +2,14 @@
 //! whole log that need few states.
 
 use super::columns::Quantity;
-use super::logs::{Log, Logs, delays};
+use super::logs::{Log, Logs, delays, motion_noise, reach, sign_thresholds};
 use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
 use super::shift;
+use super::standstill::{Encoder, resting};
 use super::stretch::Stretch;
-use crate::signals::Method;
+use crate::signals::{Derivatives, Method};
 use regen_runtime::Model;
 
 /// The number of rows for which a drive holds an effort that acts so.
@@ -18,6 +19,11 @@ const MAX_HELD_EFFORT: usize = 2;
 const SAMPLED_ROWS: usize = 16_384;
 /// Number of stretches that a longer log's sample consists of.
 const BLOCKS: usize = 8;
+
+/// The part of the rms acceleration of a coordinate that a filter takes off one that it bends, and so many deviations of
+/// noise.
+const BENT_PART: f64 = 0.2;
+const BENT_DEVIATIONS: f64 = 6.0;
 
 /// The largest number of states used for hypotheses on efforts; more are not needed.
 pub const STATES: usize = 1000;
@@ -33,8 +39,8 @@ pub struct Sample {
     pub titles: Vec<String>,
     /// The title of the column of times, where it was found without being assigned.
     pub time_column: Option<String>,
-    /// A column of velocities or accelerations that is a multiple of the derivative, in words, and
-    /// the assignment that corrects it.
+    /// A column of velocities or accelerations that is a multiple of the derivative, or another signal, in words, and
+    /// the assignment that corrects it, or advice.
     pub doubted_rate: Option<(String, String)>,
     /// The titles of columns that have a new value only every so many rows.
     pub held: Vec<(String, usize)>,
@@ -59,6 +65,12 @@ pub struct Sample {
     pub unmeasured: Vec<usize>,
     /// The delays of the efforts that are corrected, s, in the order of `Info::actuated`; may be empty.
     pub delays: Vec<f64>,
+    /// The standard deviation of what noise leaves unknown of the acceleration of each measured coordinate; may be
+    /// empty.
+    pub acceleration_noise: Vec<f64>,
+    /// For each equation, the error that this noise alone causes, over the rms of its effort about the mean; empty
+    /// until a model is known.
+    pub least_errors: Vec<f64>,
 }
 
 /// Rows in which an effort jumps and is back in the next row.
@@ -75,7 +87,7 @@ pub struct Spikes {
 }
 
 /// One state of a [`Sample`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measured {
     /// Time, s.
     pub time: f64,
@@ -83,6 +95,9 @@ pub struct Measured {
     pub motion: [Vec<f64>; 3],
     /// Efforts in the order of `Info::actuated`, N or N m.
     pub efforts: Vec<f64>,
+    /// Whether each measured coordinate rests or reverses, so that its friction may be another one than that of sliding;
+    /// may be empty.
+    pub resting: Vec<bool>,
 }
 
 impl<M: Model<f64> + ?Sized> Logs<'_, M> {
@@ -178,6 +193,9 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 Ok(())
             })?;
         self.states(log, &mut segment, every, &mut out);
+        if let Ok(noise) = motion_noise(log, self.settings.method) {
+            out.lessen_noise(&noise);
+        }
         if !log.file.bridges_spikes() {
             out.spikes.clone_from(&log.survey.spikes);
         }
@@ -203,6 +221,8 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let Ok(of_all) = motion::all_derivatives(log, method, &rows) else {
             return;
         };
+        let resting = self.resting(log, &rows, &of_all);
+        let bent = self.bent(log, &rows, &of_all);
         for own in of_all {
             valid = valid.start.max(own.valid.start)..valid.end.min(own.valid.end);
             motion.push([own.value, own.rate, own.acceleration]);
@@ -222,7 +242,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             }
         }
         for k in valid.step_by(every) {
-            if rows.bridged().get(k) == Some(&true) {
+            if rows.bridged().get(k) == Some(&true) || bent.get(k) == Some(&true) {
                 continue;
             }
             let pick = |d: usize| motion.iter().map(|m| m[d][k]).collect();
@@ -230,7 +250,91 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 time: times[k],
                 motion: [pick(0), pick(1), pick(2)],
                 efforts: efforts.iter().map(|e| e[k]).collect(),
+                resting: resting
+                    .iter()
+                    .map(|own| own.get(k) == Some(&true))
+                    .collect(),
             });
+        }
+    }
+
+    /// Whether a motion is so fast at each row that the filter bends it: the equations of a fit are filtered as a
+    /// whole, which does not harm them, but states are not. None is where most are.
+    fn bent(&self, log: &Log, rows: &Stretch, motion: &[Derivatives]) -> Vec<bool> {
+        let mut out = vec![false; rows.len()];
+        let wider = self.settings.method.of_states(log.survey.time_step());
+        let noise = motion_noise(log, wider).unwrap_or_default();
+        let Ok(all) = motion::all_derivatives(log, wider, rows) else {
+            return out;
+        };
+        for ((own, wide), [_, noise]) in motion.iter().zip(&all).zip(noise) {
+            let valid = own.valid.start.max(wide.valid.start)..own.valid.end.min(wide.valid.end);
+            let squares = valid.clone().map(|k| wide.acceleration[k].powi(2));
+            let rms = (squares.sum::<f64>() / valid.len().max(1) as f64).sqrt();
+            let least = (BENT_PART * rms).max(BENT_DEVIATIONS * noise);
+            for k in valid {
+                out[k] |= (wide.acceleration[k] - own.acceleration[k]).abs() > least;
+            }
+        }
+        if 2 * out.iter().filter(|bent| **bent).count() > out.len() {
+            out.fill(false);
+        }
+        out
+    }
+
+    /// For each measured coordinate, whether it rests or reverses at each row.
+    fn resting(&self, log: &Log, rows: &Stretch, motion: &[Derivatives]) -> Vec<Vec<bool>> {
+        let slowest = sign_thresholds(log, &self.settings).unwrap_or_default();
+        let positions = log.file.layout.positions();
+        let own = positions.zip(&log.encoders).zip(motion).zip(slowest);
+        let one = |(((entry, encoder), own), slowest): (((usize, &Encoder), &Derivatives), f64)| {
+            let reach = reach(log, self.settings.method, *encoder);
+            let rests = resting(rows.times(), rows.column(entry), *encoder);
+            let motion = own.rate.iter().zip(&own.acceleration);
+            // near a reversal the derivatives mix samples of both directions
+            let reverses = motion.map(|(v, a)| v.abs() < slowest.max(a.abs() * reach));
+            rests
+                .into_iter()
+                .zip(reverses)
+                .map(|(a, b)| a || b)
+                .collect()
+        };
+        own.map(one).collect()
+    }
+}
+
+impl Sample {
+    /// Lessens the velocities and accelerations to the part of them that is motion.
+    ///
+    /// Least squares takes the motion as exact, so that noise of it adds to the errors of the efforts, and
+    /// whatever lessens the motion, such as another unit, would seem to explain them. The best prediction of
+    /// the motion from what was measured leaves nothing to gain by that (regression calibration; Carroll,
+    /// Ruppert, Stefanski and Crainiceanu, 2006, Measurement Error in Nonlinear Models, chapter 4).
+    ///
+    /// - `noise`: the standard deviations of the noise of both, of each measured coordinate.
+    pub(crate) fn lessen_noise(&mut self, noise: &[[f64; 2]]) {
+        self.acceleration_noise = noise.iter().map(|own| own[1]).collect();
+        let count = self.states.len().max(1) as f64;
+        for (k, noise) in noise.iter().enumerate() {
+            for (d, noise) in (1..).zip(noise) {
+                let values = (self.states.iter()).filter_map(|own| own.motion.get(d)?.get(k));
+                let mean = values.clone().sum::<f64>() / count;
+                let square = values.map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+                if *noise == 0.0 || square <= 0.0 {
+                    continue;
+                }
+                let part = (1.0 - noise * noise / square).max(0.0);
+                for own in &mut self.states {
+                    let values = own.motion.get_mut(d).and_then(|own| own.get_mut(k));
+                    values
+                        .into_iter()
+                        .for_each(|x| *x = mean + part * (*x - mean));
+                }
+                if d == 2 {
+                    let left = self.acceleration_noise.get_mut(k);
+                    left.into_iter().for_each(|own| *own *= part.sqrt());
+                }
+            }
         }
     }
 }

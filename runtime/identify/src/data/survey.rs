@@ -342,8 +342,9 @@ impl LogFile {
             return Err(unfit.of(&self.name));
         }
         let doubted_rate = mistake(Strictness::Doubted).and_then(|unfit| {
-            let (what, _) = unfit.why.rsplit_once(". ")?;
-            Some((what.to_owned(), unfit.assignment?))
+            let (what, advice) = unfit.why.rsplit_once(". ")?;
+            let remedy = unfit.assignment.unwrap_or_else(|| advice.to_owned());
+            Some((what.to_owned(), remedy))
         });
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());

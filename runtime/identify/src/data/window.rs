@@ -2,7 +2,7 @@
 
 use super::fewer_states::FewerStates;
 use super::held::{held_part, held_residuals};
-use super::logs::{Log, signal};
+use super::logs::{Log, reach, signal};
 use super::motion;
 use super::policy::Policy;
 use super::problem::{DataError, Fault, Problem, Problems};
@@ -24,8 +24,6 @@ use regen_runtime::{Arguments, Condition, Function, Model, Outcome, Status};
 const WINDOW_ROWS: usize = 8192;
 /// The number of rows whose states are computed at a time.
 const STATES: usize = 512;
-/// Rise time of a low-pass filter after a step, in periods of its cutoff frequency.
-const RISE_TIME_PERIODS: f64 = 0.3;
 /// How far the error of an interpolated gap may matter on either side of it, in times that the
 /// differentiation reaches to one side: two rise times of the filter, behind which the error of the
 /// acceleration has decayed to the noise, also for the longest gaps.
@@ -108,14 +106,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
     /// least one step, as the reversal itself lies between samples.
     fn reach(&self, encoder: Encoder) -> f64 {
         let step = self.log.survey.time_step();
-        if self.log.file.layout.derivatives || self.log.series.is_some() {
-            return step;
-        }
-        match self.settings.method.of_states(step) {
-            Method::Butterworth { cutoff, .. } => (RISE_TIME_PERIODS / cutoff).max(2.0 * step),
-            Method::Local { half_width } => (0.5 * half_width).max(2.0 * step),
-            _ => encoder.neighbours.max(1) as f64 * step,
-        }
+        reach(self.log, self.settings.method.of_states(step), encoder)
     }
 
     /// For each row, whether its state depends on values that are interpolated across a gap.

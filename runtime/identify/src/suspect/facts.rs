@@ -13,7 +13,7 @@ const MAX_LIMIT_RATIO: f64 = 5.0;
 /// The part of its range by which a position may be beyond it in its right unit.
 const MAX_UNIT_MARGIN: f64 = 0.2;
 /// A value more than this many standard deviations below zero is certainly negative.
-const CERTAIN_DEVIATIONS: f64 = 6.0;
+pub(super) const CERTAIN_DEVIATIONS: f64 = 6.0;
 /// A negative parameter matters if a fit without it has an error larger by this factor.
 const MIN_ERROR_RATIO: f64 = 1.5;
 
@@ -165,7 +165,7 @@ pub(super) fn driving<M: BaseModel<f64> + ?Sized>(
 /// The standard deviations of the efforts that the nominal bodies need along a log, in the order of
 /// `Info::independent`, N or N m; `None` where the bodies are not known or the loops do not close. Friction
 /// is none of them.
-pub fn needed_by_bodies<M: BaseModel<f64> + ?Sized>(
+pub(super) fn needed_by_bodies<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,
 ) -> Option<Vec<f64>> {

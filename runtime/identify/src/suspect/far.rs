@@ -1,7 +1,7 @@
 //! Stretches in which an effort is far from what the model explains of it, and drifts away from that.
 
 use super::grams::{Fit, Grams};
-use super::{Drift, FarEffort, MIN_DOUBTED_ERROR, Sample};
+use super::{Drift, Drifting, FarEffort, MIN_DOUBTED_ERROR, Sample};
 
 /// The smallest residual of such a state, in robust deviations.
 const MIN_DEVIATIONS: f64 = 12.0;
@@ -25,19 +25,16 @@ const DEVIATION_OF_MEDIAN: f64 = 1.4826;
 pub(super) fn doubted(grams: &Grams, fit: &Fit) -> Vec<usize> {
     let mut out = Vec::new();
     for i in (0..grams.rows()).filter(|i| grams.only_effort(*i).is_some()) {
-        let residuals: Vec<f64> = (grams.stored.iter())
-            .map(|own| own.residual(i, &fit.values).abs())
+        let residuals: Vec<(usize, f64)> = (grams.stored.iter())
+            .filter(|own| own.has(i))
+            .map(|own| (own.state, own.residual(i, &fit.values).abs()))
             .collect();
-        let mut sizes = residuals.clone();
+        let mut sizes: Vec<f64> = residuals.iter().map(|own| own.1).collect();
         sizes.sort_by(f64::total_cmp);
         let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
         let least = DOUBTED_DEVIATIONS * DEVIATION_OF_MEDIAN * median;
-        let far = grams
-            .stored
-            .iter()
-            .zip(&residuals)
-            .filter(|(_, r)| **r > least);
-        let far: Vec<usize> = far.map(|(own, _)| own.state).collect();
+        let far = residuals.iter().filter(|own| own.1 > least);
+        let far: Vec<usize> = far.map(|own| own.0).collect();
         if (far.len() as f64) < MAX_FAR_PART * residuals.len() as f64 {
             out.extend(far);
         }
@@ -57,6 +54,7 @@ pub(super) fn efforts(sample: &Sample, grams: &Grams, fit: &Fit) -> (Vec<FarEffo
         let residuals: Vec<(usize, f64)> = grams
             .stored
             .iter()
+            .filter(|own| own.has(i))
             .map(|own| (own.state, own.residual(i, &fit.values)))
             .collect();
         let mut sizes: Vec<f64> = residuals.iter().map(|(_, r)| r.abs()).collect();
@@ -115,23 +113,38 @@ pub(super) fn drifts(sample: &Sample, grams: &Grams, fit: &Fit) -> Vec<Drift> {
     let one = |i: usize| {
         let effort = grams.only_effort(i)?;
         let spread = *fit.spreads.get(i)?;
-        let pairs = grams.stored.iter();
-        let pairs: Vec<(f64, f64)> = pairs
-            .map(|own| (time(own.state), own.residual(i, &fit.values)))
+        // time, residual and prediction
+        let rows: Vec<[f64; 3]> = (grams.stored.iter())
+            .filter(|own| own.has(i))
+            .map(|own| {
+                let left = own.residual(i, &fit.values);
+                [time(own.state), left, own.tau.get(i).unwrap_or(&0.0) - left]
+            })
             .collect();
-        let n = pairs.len() as f64;
-        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
-        let (t, r) = (mean(&|p| p.0), mean(&|p| p.1));
-        let tt = mean(&|p| (p.0 - t).powi(2));
-        let tr = mean(&|p| (p.0 - t) * (p.1 - r));
-        let squares = mean(&|p| p.1 * p.1);
-        let drifting = tr * tr / tt;
-        let matters = drifting.sqrt() > MIN_DOUBTED_ERROR * spread;
-        let (first, last) = (pairs.first()?.0, pairs.last()?.0);
-        let is_straight = drifting + r * r > MIN_STRAIGHT_PART * squares;
-        (matters && is_straight && drifting > MIN_DRIFTING_PART * squares).then_some(Drift {
+        let n = rows.len() as f64;
+        let mean = |of: &dyn Fn(&[f64; 3]) -> f64| rows.iter().map(of).sum::<f64>() / n;
+        let (t, r) = (mean(&|p| p[0]), mean(&|p| p[1]));
+        let squares = mean(&|p| p[1] * p[1]);
+        let whole = rows.last()?[0] - rows.first()?[0];
+        let matters = |drifting: f64| {
+            drifting.sqrt() > MIN_DOUBTED_ERROR * spread && drifting > MIN_DRIFTING_PART * squares
+        };
+        let tt = mean(&|p| (p[0] - t).powi(2));
+        let tr = mean(&|p| (p[0] - t) * (p[1] - r));
+        let constant = tr * tr / tt;
+        let gg = mean(&|p| ((p[0] - t) * p[2]).powi(2));
+        let gr = mean(&|p| (p[0] - t) * p[2] * p[1]);
+        let gain = gr * gr / gg;
+        let is_straight = constant + r * r > MIN_STRAIGHT_PART * squares;
+        if matters(constant) && is_straight && (gain < constant || gain.is_nan()) {
+            return Some(Drift {
+                effort,
+                change: Drifting::Constant(tr / tt * whole),
+            });
+        }
+        (matters(gain) && gain > MIN_STRAIGHT_PART * squares).then_some(Drift {
             effort,
-            change: tr / tt * (last - first),
+            change: Drifting::Gain(gr / gg * whole),
         })
     };
     (0..grams.rows()).filter_map(one).collect()

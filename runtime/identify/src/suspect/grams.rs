@@ -1,8 +1,8 @@
 //! Gram matrices of the equations of a sample, and least squares on them.
 
 use super::{Reading, Sample};
-use crate::states::{Completed, Completion};
-use regen_runtime::{BaseModel, Parameter, Status};
+use crate::states::{Completed, Completion, depends_on_direction};
+use regen_runtime::{BaseModel, Info, Parameter, Status};
 
 /// The Gram matrix of each equation's columns, in this order: the columns of the base regressor;
 /// for each effort that acts on the equation, every measured effort multiplied by that effort's
@@ -16,7 +16,7 @@ pub(super) struct Grams {
     acting: Vec<Vec<usize>>,
     /// Whether each equation is left out, as an effort acts on it that is not measured; it has no error
     /// then.
-    left_out: Vec<bool>,
+    pub(super) left_out: Vec<bool>,
     matrices: Vec<Vec<f64>>,
     /// The number of states in the sums.
     count: f64,
@@ -26,12 +26,16 @@ pub(super) struct Grams {
     pub(super) power: Vec<f64>,
     /// For each equation, the sum over the states of the absolute power of its effort.
     pub(super) spent: Vec<f64>,
+    /// For each equation, the sum over the states of the squared acceleration of its coordinate.
+    pub(super) accelerations: Vec<f64>,
     /// Whether nominal bodies are known.
     pub(super) nominal: bool,
     /// Some of the positions, of all coordinates.
     pub(super) postures: Vec<Vec<f64>>,
     /// The equations of each state; empty for a hypothesis.
     pub(super) stored: Vec<Stored>,
+    /// The least error of each equation, see [`Sample::least_errors`].
+    pub(super) least: Vec<f64>,
 }
 
 /// The equations of a state.
@@ -48,6 +52,12 @@ pub(super) struct Stored {
 }
 
 impl Stored {
+    /// Whether equation `i` is used: it is not where its joint rests.
+    pub(super) fn has(&self, i: usize) -> bool {
+        let factors = self.transfer.iter().skip(i);
+        factors.step_by(self.tau.len().max(1)).any(|t| *t != 0.0)
+    }
+
     /// The measured right-hand side of equation `i` minus that of these base parameters.
     pub(super) fn residual(&self, i: usize, values: &[f64]) -> f64 {
         let row = self.w.iter().skip(i).step_by(self.tau.len().max(1));
@@ -61,11 +71,12 @@ impl Stored {
 pub(super) struct Fit {
     /// Base parameters, then offsets.
     pub(super) values: Vec<f64>,
-    /// For each equation: rms of the residuals over rms of the efforts about their mean.
+    /// For each equation: rms of the residuals over rms of the efforts about their mean, at least that of noise of
+    /// the motion alone.
     pub(super) errors: Vec<f64>,
     /// For each equation: rms of the efforts.
     pub(super) sizes: Vec<f64>,
-    /// For each equation: rms of the efforts about their mean.
+    /// For each equation: rms of the efforts about their mean, at least a tenth of their rms.
     pub(super) spreads: Vec<f64>,
 }
 
@@ -73,6 +84,11 @@ pub(super) struct Fit {
 const REWEIGHTING_PASSES: usize = 4;
 /// Ridge on the diagonal of the Gram matrix whose columns have unit length.
 const RIDGE: f64 = 1e-10;
+/// The part of the states in which a joint may rest for the equations of these to be left out.
+const MAX_RESTING_PART: f64 = 0.7;
+/// The square of the least rms of an effort about its mean that errors are compared with, over its rms: what is left of
+/// a constant weight may be as large as its change, and is a small error.
+const LEAST_SPREAD: f64 = 1e-2;
 /// The smallest relative error of an equation that its weight is computed from.
 const MIN_RELATIVE_ERROR: f64 = 1e-3;
 /// The number of postures at which inertias are looked at.
@@ -170,6 +186,21 @@ fn spreads<M: BaseModel<f64> + ?Sized>(
         .collect()
 }
 
+/// For each equation, the column of the position of its joint if equations at which that rests are left out: its
+/// friction may be anything there. A joint that rests most of the time has no others.
+fn sticking(info: &Info<'_>, sample: &Sample, positions: &[Reading]) -> Vec<Option<usize>> {
+    let one = |c: &usize| {
+        let joint = info.joints.get(*c)?;
+        let place = sample.measured.iter().position(|own| own == c)?;
+        let from = positions.get(place)?.from;
+        let states = sample.states.iter();
+        let rests = states.filter(|own| own.resting.get(from) == Some(&true));
+        let is_rare = rests.count() as f64 <= MAX_RESTING_PART * sample.states.len() as f64;
+        (depends_on_direction(joint) && is_rare).then_some(from)
+    };
+    info.independent.iter().map(one).collect()
+}
+
 impl Grams {
     /// Sums over every `every`-th state, with the given readings of the positions. `None` if the
     /// loops close at no state.
@@ -220,11 +251,14 @@ impl Grams {
             tried: 0,
             power: vec![0.0; columns],
             spent: vec![0.0; dof],
+            accelerations: vec![0.0; dof],
             nominal: beta.is_some(),
             postures: Vec::new(),
             stored: Vec::new(),
+            least: sample.least_errors.clone(),
         };
         let apart = (sample.states.len() / every.max(1) / POSTURES).max(1);
+        let sticking = sticking(&info, sample, positions);
         let mut w = vec![0.0; dof * columns];
         let mut transfer = vec![0.0; dof * efforts];
         let mut own = vec![0.0; dof];
@@ -303,10 +337,14 @@ impl Grams {
             out.count += 1.0;
             let mut sides = Vec::with_capacity(dof);
             for i in 0..dof {
-                if out.left_out[i] {
+                let place = sticking.get(i).copied().flatten();
+                let sticks = place.is_some_and(|k| state.resting.get(k) == Some(&true));
+                if out.left_out[i] || sticks {
                     // nothing is left of an equation that is not there
                     sides.push(0.0);
-                    w.iter_mut().skip(i).step_by(dof).for_each(|x| *x = 0.0);
+                    for of in [&mut w, &mut transfer] {
+                        of.iter_mut().skip(i).step_by(dof).for_each(|x| *x = 0.0);
+                    }
                     continue;
                 }
                 entries.clear();
@@ -333,6 +371,7 @@ impl Grams {
                     }
                 }
                 let rate = full.qd[info.independent[i]];
+                out.accelerations[i] += full.qdd[info.independent[i]].powi(2);
                 for (power, w) in out.power.iter_mut().zip(&entries) {
                     *power += w * rate;
                 }
@@ -371,6 +410,12 @@ impl Grams {
     /// Whether the loops close at nearly all states.
     pub(super) fn closes(&self) -> bool {
         self.count >= MIN_CLOSED_PART * self.tried as f64
+    }
+
+    /// The number of states at which equation `i` is used.
+    fn count(&self, i: usize) -> f64 {
+        let last = self.size(i) - 1;
+        self.entry(i, last, last).max(1.0)
     }
 
     /// The number of equations.
@@ -449,7 +494,7 @@ impl Grams {
             .collect();
         let square = self.product(i, &side, &side);
         let mean = self.product(i, &side, &[(last, 1.0)]);
-        let spread = (square - mean * mean / self.count).max(1e-6 * square);
+        let spread = (square - mean * mean / self.count(i)).max(LEAST_SPREAD * square);
         let values = solve(&mut gram, &right)?;
         let places: Vec<Option<usize>> = places.into_iter().map(Some).collect();
         let left = self.squared_residuals(i, &places, &values, square, &right);
@@ -469,7 +514,7 @@ impl Grams {
             let side = n + order.get(own)?;
             let square = self.entry(i, side, side);
             let mean = self.entry(i, side, self.size(i) - 1);
-            let spread = (square - mean * mean / self.count).max(1e-6 * square);
+            let spread = (square - mean * mean / self.count(i)).max(LEAST_SPREAD * square);
             let mut places: Vec<(usize, usize, f64)> = (0..n).map(|k| (k, k, 1.0)).collect();
             places.push((n + own, self.constant(i, own)?, 1.0));
             places.push((n + count + own, side, -1.0));
@@ -548,7 +593,7 @@ impl Grams {
             let one = [(self.size(i) - 1, 1.0)];
             let square = self.product(i, &side, &side);
             let mean = self.product(i, &side, &one);
-            let spread = (square - mean * mean / self.count).max(1e-6 * square);
+            let spread = (square - mean * mean / self.count(i)).max(LEAST_SPREAD * square);
             if spread.partial_cmp(&0.0) != Some(core::cmp::Ordering::Greater) {
                 return None;
             }
@@ -566,7 +611,7 @@ impl Grams {
         for _ in 0..REWEIGHTING_PASSES {
             let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
             for i in 0..rows {
-                let weight = self.count
+                let weight = self.count(i)
                     / residuals[i].max(MIN_RELATIVE_ERROR * MIN_RELATIVE_ERROR * spreads[i]);
                 let (size, own, place) = (self.size(i), &self.matrices[i], &places[i]);
                 for (a, p) in place.iter().enumerate() {
@@ -585,12 +630,19 @@ impl Grams {
                     self.squared_residuals(i, &places[i], &values, squares[i], &sides[i]);
             }
         }
-        let pairs = residuals.iter().zip(&spreads);
+        let rms = |squares: &[f64]| {
+            let each = squares.iter().enumerate();
+            each.map(|(i, s)| (s / self.count(i)).sqrt()).collect()
+        };
+        let least = self.least.iter().copied().chain(core::iter::repeat(0.0));
+        let pairs = residuals.iter().zip(&spreads).zip(least);
         Some(Fit {
             values,
-            errors: pairs.map(|(r, s)| (r / s).sqrt()).collect(),
-            sizes: squares.iter().map(|s| (s / self.count).sqrt()).collect(),
-            spreads: spreads.iter().map(|s| (s / self.count).sqrt()).collect(),
+            errors: pairs
+                .map(|((r, s), least)| (r / s).sqrt().max(least))
+                .collect(),
+            sizes: rms(&squares),
+            spreads: rms(&spreads),
         })
     }
 
@@ -642,7 +694,7 @@ impl Grams {
             let side = self.side(i, read);
             let mean = self.product(i, &side, &[(last, 1.0)]);
             let square = self.product(i, &side, &side);
-            let spread = square - mean * mean / self.count;
+            let spread = square - mean * mean / self.count(i);
             let mut rest = side;
             rest.push((last - 1, -1.0));
             let n = separate.len();
@@ -670,8 +722,8 @@ impl Grams {
     /// The standard deviation of what the nominal bodies need in equation `i`, N or N m.
     pub(super) fn needed(&self, i: usize) -> f64 {
         let last = self.size(i) - 1;
-        let mean = self.entry(i, last - 1, last) / self.count;
-        let square = self.entry(i, last - 1, last - 1) / self.count;
+        let mean = self.entry(i, last - 1, last) / self.count(i);
+        let square = self.entry(i, last - 1, last - 1) / self.count(i);
         (square - mean * mean).max(0.0).sqrt()
     }
 
@@ -681,8 +733,8 @@ impl Grams {
         let last = self.size(i) - 1;
         let mut rest = self.side(i, read);
         rest.push((last - 1, -1.0));
-        let lacking = self.product(i, &rest, &[(last, 1.0)]) / self.count;
-        let needed = self.entry(i, last - 1, last - 1) / self.count;
+        let lacking = self.product(i, &rest, &[(last, 1.0)]) / self.count(i);
+        let needed = self.entry(i, last - 1, last - 1) / self.count(i);
         (lacking * lacking / needed.max(f64::MIN_POSITIVE)).sqrt()
     }
 
@@ -844,6 +896,30 @@ mod tests {
         assert!(usual.is_some_and(|error| error < 0.05), "{usual:?}");
         let zero = of(&with(|s| s.efforts[1] = 0.0)).and_then(|own| own.error_of(1, 1));
         assert_eq!(zero, None);
+    }
+
+    #[test]
+    fn equations_of_a_joint_that_rests_are_left_out_unless_it_rests_mostly() {
+        let mut model = swings(false);
+        model.joints[1].friction = regen_runtime::Friction::Coulomb;
+        let error = |one_of: usize, model: &super::super::swings_for_tests::Swings| {
+            let mut k = 0;
+            let mut sticking = sample();
+            for own in &mut sticking.states {
+                own.resting = vec![false, k % one_of == 0, false];
+                own.efforts[1] += if own.resting[1] { 5.0 } else { 0.0 };
+                k += 1;
+            }
+            let plain = Reading::plain(3);
+            let grams = Grams::of(model, &sticking, &plain, 1);
+            grams
+                .and_then(|own| own.fit(&plain, &[]))
+                .map_or(1.0, |fit| fit.errors[1])
+        };
+        assert!(error(3, &model) < 0.02, "{}", error(3, &model));
+        assert!(error(1, &model) > 0.2);
+        // without friction there is nothing that sticks
+        assert!(error(3, &swings(false)) > 0.2);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 use regen_runtime::BaseModel;
 use serde::Serialize;
 
+use super::facts::CERTAIN_DEVIATIONS;
 use super::words::{LogColumns, rounded};
 use super::{Change, Findings, Measured, Nominal, Sample, look, positions};
 use crate::data::{Assignment, Quantity};
@@ -33,6 +34,8 @@ const MAX_NOMINAL_FACTOR: f64 = 4.0;
 /// The smallest part of an effort's rms that is neither friction nor constant, for it to be
 /// compared with the nominal bodies.
 pub(super) const MIN_COMPARED_PART: f64 = 0.2;
+/// A largest error that is reduced to more than this part says nothing of a change.
+const MIN_TOLD_PART: f64 = 0.9;
 /// The largest relative change of an effort that is the same throughout.
 const MAX_ROUNDING: f64 = 1e-9;
 /// A position beyond its limits by less than this part of their distance is not doubted.
@@ -128,8 +131,8 @@ impl std::fmt::Display for Suspicion {
             if changed == error {
                 return Ok(());
             }
-            // another effort has the largest error then
-            if self.changed > self.error
+            // another effort has the largest error then, or noise
+            if self.changed > self.error.map(|error| MIN_TOLD_PART * error)
                 && let Some((name, changed, error)) = self.most_reduced()
             {
                 return write!(
@@ -193,6 +196,7 @@ impl std::fmt::Display for Suspicion {
 ///     time: 10.0 * f64::from(k),
 ///     motion: [vec![0.0], vec![1e-3], vec![0.0]],
 ///     efforts: vec![1.0],
+///     ..Measured::default()
 /// };
 /// let sample = Sample {
 ///     measured: vec![0],
@@ -241,6 +245,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         .iter()
         .map(|c| columns.drive_gain(&Quantity::Effort(columns.name(*c))))
         .collect();
+    let whole = estimate;
     let sigmas = estimate.map(|e| (0..e.values.len()).map(|k| e.sigma(k)).collect::<Vec<_>>());
     let estimate = estimate.zip(sigmas.as_ref());
     let estimate = estimate.map(|(e, sigmas)| (e.values.as_slice(), sigmas.as_slice()));
@@ -266,8 +271,8 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if out.is_empty() {
         out.extend(beyond(columns, sample));
     }
-    let light = match estimate {
-        Some((values, sigmas)) if out.is_empty() => negative_inertias(model, values, sigmas),
+    let light = match whole {
+        Some(own) if out.is_empty() => negative_inertias(model, &own.values, &own.covariance),
         _ => Vec::new(),
     };
     let are_all_light = !light.is_empty() && light.len() == info.dof();
@@ -308,10 +313,16 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     );
     out.extend(columns.spikes(&sample.spikes));
     out.extend(held(columns, sample));
-    if let Some((what, assignments)) = &sample.doubted_rate
-        && let Ok(assignments) = assignments.lines().map(str::parse).collect()
-    {
-        out.push(columns.suspicion(what.clone(), Remedy::columns(assignments)));
+    if let Some((what, remedy)) = &sample.doubted_rate {
+        let assignments: Result<Vec<Assignment>, _> = remedy.lines().map(str::parse).collect();
+        let remedy = assignments.map_or_else(
+            |_| Remedy::Read {
+                advice: vec![remedy.clone()],
+                columns: Vec::new(),
+            },
+            Remedy::columns,
+        );
+        out.push(columns.suspicion(what.clone(), remedy));
     }
     if out.is_empty() {
         out.extend(missed_by_series(columns, sample, &findings.errors));
@@ -750,27 +761,35 @@ fn inertia<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64]) -> Option<Vec<
     Some(mass.into_iter().step_by(dof + 1).collect())
 }
 
-/// The independent coordinates whose inertia a fit makes negative, by more than the standard deviations of
-/// the parameters allow; where all are, the signs of all efforts, or of all positions, are flipped.
+/// The independent coordinates whose inertia a fit makes negative by many of its standard deviations; where all are,
+/// the signs of all efforts, or of all positions, are flipped.
+///
+/// - `covariance`: that of the values, n x n.
 fn negative_inertias<M: BaseModel<f64> + ?Sized>(
     model: &M,
     values: &[f64],
-    sigmas: &[f64],
+    covariance: &[f64],
 ) -> Vec<usize> {
-    let Some(mut inertia) = inertia(model, values) else {
+    let Some(inertia) = inertia(model, values) else {
         return Vec::new();
     };
-    for (k, sigma) in sigmas.iter().enumerate() {
-        let mut unit = vec![0.0; values.len()];
-        unit[k] = *sigma;
-        let Some(part) = self::inertia(model, &unit) else {
-            return Vec::new();
-        };
-        for (m, part) in inertia.iter_mut().zip(part) {
-            *m += part.abs();
-        }
-    }
-    let light = inertia.iter().enumerate().filter(|(_, m)| **m < 0.0);
+    let n = values.len();
+    let part = |k: usize| {
+        let mut unit = vec![0.0; n];
+        unit.iter_mut().skip(k).take(1).for_each(|x| *x = 1.0);
+        self::inertia(model, &unit)
+    };
+    // the inertias of each parameter at value 1
+    let Some(parts) = (0..n).map(part).collect::<Option<Vec<_>>>() else {
+        return Vec::new();
+    };
+    let variance = |i: usize| -> f64 {
+        let of = |k: usize| parts.get(k).and_then(|own| own.get(i)).unwrap_or(&0.0);
+        let pairs = covariance.iter().enumerate();
+        pairs.map(|(k, c)| c * of(k / n) * of(k % n)).sum()
+    };
+    let is_negative = |(i, m): (usize, &f64)| *m < -CERTAIN_DEVIATIONS * variance(i).sqrt();
+    let light = (inertia.iter().enumerate()).filter(|own| own.1 < &0.0 && is_negative(*own));
     let independent = model.info().independent;
     light
         .filter_map(|(k, _)| independent.get(k).copied())
@@ -793,15 +812,16 @@ mod tests {
     #[test]
     fn inertias_that_are_negative_beyond_their_deviations_are_told() {
         let model = swings(false);
-        let sigmas = [0.01; 7];
+        let mut covariance = vec![0.0; 49];
+        covariance.iter_mut().step_by(8).for_each(|x| *x = 1e-4);
         let light = |second: f64| {
             let values = [0.5, second, 0.4, 0.6, 0.2, 0.1, -0.15];
-            negative_inertias(&model, &values, &sigmas)
+            negative_inertias(&model, &values, &covariance)
         };
         assert_eq!(light(-0.3), [1]);
         assert_eq!(light(0.3), [0; 0]);
         // it may be by chance
-        assert_eq!(light(-0.005), [0; 0]);
+        assert_eq!(light(-0.05), [0; 0]);
     }
 
     #[test]

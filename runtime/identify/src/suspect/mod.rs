@@ -7,11 +7,13 @@
 //! pass. A hypothesis on the positions needs a pass of its own, over fewer states, and is tried
 //! only where changes of efforts do not explain the errors.
 
+mod chance;
 mod efforts;
 mod facts;
 mod far;
 mod grams;
 mod judge;
+mod noise;
 mod parts;
 mod positions;
 #[cfg(test)]
@@ -20,13 +22,15 @@ mod trial;
 mod unknowns;
 mod words;
 
-pub use facts::{NegativeParameter, Nominal, Shift, needed_by_bodies};
+pub use facts::{NegativeParameter, Nominal, Shift};
 pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
+pub use noise::{NoiseAlone, noise_alone};
 pub use parts::{CutOff, Parts};
 pub use trial::{Trial, short_trial, trial, weightless};
 pub use words::LogColumns;
 
 use crate::data::{Measured, STATES, Sample, Spikes};
+use chance::{implausible_count, is_noise_of_motion, with_noise};
 use grams::{Fit, Grams};
 use regen_runtime::BaseModel;
 
@@ -71,7 +75,7 @@ pub struct Change {
     /// How late all efforts are, s.
     pub behind: f64,
     /// The errors of the equations without the change: rms of the residuals over rms of the efforts
-    /// about their mean. Empty where the loops do not close.
+    /// about their mean, or a tenth of their rms if that is more. Empty where the loops do not close.
     pub before: Vec<f64>,
     /// The errors with the change.
     pub after: Vec<f64>,
@@ -108,12 +112,17 @@ impl Change {
     }
 
     /// Whether it leaves an effort unexplained that was explained better without it, or the worst of them about as
-    /// unexplained as before.
+    /// unexplained as before and no other one far better explained: one that is noise is explained by nothing.
     fn harms(&self) -> bool {
-        let mut pairs = self.before.iter().zip(&self.after);
         let (left, was) = (worst(&self.after), worst(&self.before));
-        let is_useless = left > MAX_EXPLAINED_ERROR && was > 0.0 && left > MAX_LEFT_OF_WORST * was;
-        is_useless || pairs.any(|(before, after)| *after > UNEXPLAINED_ERROR.max(MAX_HARM * before))
+        let mut pairs = self.before.iter().zip(&self.after);
+        let is_beside_noise = left < MAX_LEFT_OF_NOISE
+            && pairs.any(|(own, after)| *own > DOUBTED_ERROR.max(MIN_GAIN_PER_COLUMN * after));
+        let is_useless = left > MAX_EXPLAINED_ERROR
+            && was > 0.0
+            && left > MAX_LEFT_OF_WORST * was
+            && !is_beside_noise;
+        is_useless || is_less_explained(&self.before, &self.after)
     }
 
     /// How many numbers it contains that the equations told.
@@ -201,11 +210,19 @@ impl Sample {
                     .zip(&change.offsets)
                     .map(|(u, c)| u - c)
                     .collect(),
+                resting: (change.positions.iter())
+                    .map(|own| state.resting.get(own.from) == Some(&true))
+                    .collect(),
             }
+        };
+        let noise = |own: &Reading| {
+            let noise = self.acceleration_noise.get(own.from).copied();
+            noise.unwrap_or(0.0) * own.factor.abs() / change.times.powi(2)
         };
         Self {
             states: self.states.iter().enumerate().map(state).collect(),
             step: self.step * change.times,
+            acceleration_noise: change.positions.iter().map(noise).collect(),
             ..self.clone()
         }
     }
@@ -229,8 +246,18 @@ pub struct FarEffort {
 pub struct Drift {
     /// The effort: an index into `Info::actuated`.
     pub effort: usize,
-    /// By how much over the log, N or N m.
-    pub change: f64,
+    /// What changes over the log.
+    pub change: Drifting,
+}
+
+/// What drifts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Drifting {
+    /// A constant, by so many N or N m over the log.
+    Constant(f64),
+    /// The factor on the effort, by this part of its mean over the log.
+    Gain(f64),
 }
 
 /// The results of checking a log.
@@ -273,6 +300,8 @@ const UNEXPLAINED_ERROR: f64 = 0.25;
 const MAX_HARM: f64 = 1.2;
 /// The part of the largest error that a change may leave if that effort stays unexplained.
 const MAX_LEFT_OF_WORST: f64 = 0.85;
+/// A fit leaves this part of an effort that is noise at most.
+const MAX_LEFT_OF_NOISE: f64 = 1.05;
 /// Relative errors above this cause hypotheses on positions to be tried.
 const DOUBTED_ERROR: f64 = 0.1;
 /// The factor by which a change must reduce the product of errors for each column that it changes:
@@ -311,6 +340,8 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     estimate: Option<(&[f64], &[f64])>,
     step: &mut dyn FnMut(usize, usize),
 ) -> Findings {
+    let known = with_noise(model, sample);
+    let sample = known.as_ref().unwrap_or(sample);
     // other mistakes hide a unit from the equations, but not from the limits
     if let Some(units) = facts::units_by_limits(model, sample) {
         let found = look_from(model, &sample.read_with(&units), own, None, step);
@@ -361,7 +392,9 @@ fn look_from<M: BaseModel<f64> + ?Sized>(
     let first = out.clone();
     for _ in 1..MAX_LOOKS {
         let Some(change) = &out.change else { break };
-        let next = look_once(model, &sample.read_with(change), own, None, step);
+        let read = sample.read_with(change);
+        let next = with_noise(model, &read);
+        let next = look_once(model, next.as_ref().unwrap_or(&read), own, None, step);
         let both = next.change.as_ref().map(|more| change.then(more));
         out.nominal = next.nominal;
         out.driving = next.driving;
@@ -421,19 +454,22 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
         _ => 1.0,
     };
     // no motion that is read in another way explains noise
-    let doubted = worst(&out.errors) > DOUBTED_ERROR && correlation > MAX_CORRELATION_OF_WHITE;
+    let is_noise = (grams.iter().zip(&fits)).any(|(grams, now)| is_noise_of_motion(grams, now));
+    let doubted =
+        worst(&out.errors) > DOUBTED_ERROR && correlation > MAX_CORRELATION_OF_WHITE && !is_noise;
     let wrong = open || doubted || facts::beyond_limits(model, sample);
     if wrong && let Some(found) = positions::search(model, sample, own, open, best.as_ref(), step) {
         best = Some(found);
     }
     if let (Some(grams), Some(now)) = (&grams, &fits) {
-        if best.is_none() && correlation > MAX_CORRELATION_OF_WHITE {
+        if best.is_none() && correlation > MAX_CORRELATION_OF_WHITE && !is_noise {
             let found = efforts::in_noise(model, grams, own, now);
             best = found.filter(|change| leaves_noise(model, sample, change, now));
         }
         best = best.or_else(|| efforts::signs(model, grams, now));
-        let is_normal =
-            worst(&now.errors) < MIN_DOUBTED_ERROR && correlation < trial::MAX_CORRELATION_OF_NOISE;
+        let is_normal = is_noise
+            || worst(&now.errors) < MIN_DOUBTED_ERROR
+                && correlation < trial::MAX_CORRELATION_OF_NOISE;
         if !is_normal {
             best = with_numbers(best, || unknowns::search(model, sample, grams, now));
         } else if best.is_none() {
@@ -556,6 +592,12 @@ fn least_states<M: BaseModel<f64> + ?Sized>(model: &M) -> usize {
     (MIN_EQUATIONS_PER_PARAMETER * columns).div_ceil(model.info().dof().max(1))
 }
 
+/// Whether an effort is left unexplained that was explained better: fits to other columns differ a little by chance.
+fn is_less_explained(before: &[f64], after: &[f64]) -> bool {
+    let mut pairs = before.iter().zip(after);
+    pairs.any(|(before, after)| *after > UNEXPLAINED_ERROR.max(MAX_HARM * before))
+}
+
 /// The largest error.
 fn worst(errors: &[f64]) -> f64 {
     errors.iter().fold(0.0, |m: f64, e| m.max(*e))
@@ -564,40 +606,4 @@ fn worst(errors: &[f64]) -> f64 {
 /// The product of the errors, each taken as 1 % at least: smaller ones do not matter.
 fn quality(errors: &[f64]) -> f64 {
     errors.iter().map(|e| e.max(0.01)).product()
-}
-
-/// The largest number of directions, in any posture, in which the mass matrix is negative, plus the
-/// number of coordinates whose friction drives the joint.
-fn implausible_count<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, fit: &Fit) -> usize {
-    let dof = model.info().dof();
-    let mut mass = vec![0.0; dof * dof];
-    let beta = fit.values.get(..grams.columns()).unwrap_or_default();
-    let mut light = 0;
-    for q in &grams.postures {
-        if model.base_mass_matrix(q, beta, &mut mass).is_ok() {
-            light = light.max(negative_pivots(&mut mass, dof));
-        }
-    }
-    light + facts::driving(model, grams, fit).len()
-}
-
-/// The number of negative eigenvalues of a symmetric matrix, as that of its negative pivots.
-fn negative_pivots(matrix: &mut [f64], size: usize) -> usize {
-    let mut out = 0;
-    for k in 0..size {
-        let pivot = matrix[k * size + k];
-        if pivot < 0.0 {
-            out += 1;
-        }
-        if pivot == 0.0 {
-            continue;
-        }
-        for i in k + 1..size {
-            let factor = matrix[i * size + k] / pivot;
-            for j in k + 1..size {
-                matrix[i * size + j] -= factor * matrix[k * size + j];
-            }
-        }
-    }
-    out
 }

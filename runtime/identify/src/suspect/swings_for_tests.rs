@@ -183,7 +183,7 @@ pub(super) fn sample_of(states: u32, noise: f64) -> Sample {
         let mut own = Measured {
             time,
             motion: [vec![], vec![], vec![]],
-            efforts: vec![],
+            ..Measured::default()
         };
         for (i, (size, w, phase)) in waves.into_iter().enumerate() {
             let (s, c) = (w * time + phase).sin_cos();
@@ -389,6 +389,43 @@ fn efforts_that_are_all_late_are_told_with_how_late_they_are() {
 }
 
 #[test]
+fn states_that_the_filter_bends_are_no_part_of_a_sample() {
+    let model = swings(true);
+    let mut text = "t,q1,q2,q3,tau_q1,tau_q2,tau_q3\n".to_owned();
+    for k in 0..4000 {
+        let t = 0.005 * f64::from(k);
+        let burst = 0.3 * (6.0 * core::f64::consts::TAU * t).sin();
+        let burst = burst * (-((t - 8.5) / 0.15).powi(2)).exp();
+        let cells = [
+            t,
+            (2.0 * t).sin() + burst,
+            (3.0 * t).cos(),
+            0.1 * t.sin(),
+            0.0,
+            0.0,
+            0.0,
+        ];
+        let cells: Vec<String> = cells.iter().map(ToString::to_string).collect();
+        text += &(cells.join(",") + "\n");
+    }
+    let log = Written::new("bent", &text);
+    let settings = Settings {
+        method: crate::signals::Method::Butterworth {
+            order: 4,
+            cutoff: 4.0,
+        },
+        ..Settings::default()
+    };
+    let logs = Logs::open(&model, std::slice::from_ref(&log.0), &settings).unwrap();
+    let sample = logs.sample(0).unwrap();
+    let count = |from: f64, to: f64| {
+        let within = |own: &&Measured| (from..to).contains(&own.time);
+        sample.states.iter().filter(within).count()
+    };
+    assert!(count(8.3, 8.7) < 10 && count(2.3, 2.7) > 15 && count(15.3, 15.7) > 15);
+}
+
+#[test]
 fn another_unit_in_which_a_joint_would_hardly_move_is_not_looked_for() {
     let model = swings(true);
     let small = with(|s| {
@@ -416,7 +453,35 @@ fn a_drift_of_an_effort_is_told_with_its_size() {
     let found = of(3.0);
     assert_eq!(found.len(), 1, "{found:?}");
     assert_eq!(found[0].effort, 2);
-    assert!((found[0].change / 3.0 - 1.0).abs() < 0.3, "{found:?}");
+    let Drifting::Constant(change) = found[0].change else {
+        panic!("{found:?}");
+    };
+    assert!((change / 3.0 - 1.0).abs() < 0.3, "{found:?}");
+}
+
+#[test]
+fn a_gain_that_grows_is_told_with_its_size() {
+    let model = swings(false);
+    let of = |growth: f64| {
+        let last = sample().states.last().map_or(1.0, |s| s.time);
+        let grown = with(|s| s.efforts[1] *= 1.0 + growth * (s.time / last - 0.5));
+        look(&model, &grown, &[1.0; 3], None, &mut |_, _| {}).drifts
+    };
+    assert_eq!(of(0.02), []);
+    for growth in [0.2, -0.3] {
+        let found = of(growth);
+        let [own] = found[..] else {
+            panic!("{found:?}");
+        };
+        let Drifting::Gain(change) = own.change else {
+            panic!("{own:?}");
+        };
+        // parameters of this effort alone take a part of it up
+        assert!(
+            own.effort == 1 && (change / growth - 1.0).abs() < 0.3,
+            "{own:?}"
+        );
+    }
 }
 
 #[test]
@@ -572,6 +637,9 @@ fn a_change_that_leaves_an_effort_less_explained_than_before_is_no_remedy() {
     assert!(!of(&[0.01, 1.25], &[0.1, 0.05]).harms());
     // the worst stays as it is
     assert!(of(&[0.3, 1.52], &[0.1, 1.51]).harms());
+    // of noise nothing explains more
+    assert!(!of(&[0.3, 0.99], &[0.1, 0.98]).harms());
+    assert!(of(&[0.3, 0.99], &[0.2, 0.98]).harms());
     // the loops did not close
     assert!(!of(&[], &[0.1, 0.9]).harms());
 }

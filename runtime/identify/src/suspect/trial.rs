@@ -5,7 +5,7 @@ use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
 use super::{
     EffortChange, MIN_DOUBTED_ERROR, Reading, Remedy, STATES, Sample, Suspicion, implausible_count,
-    least_states, quality,
+    is_less_explained, least_states, quality,
 };
 use regen_runtime::BaseModel;
 
@@ -154,7 +154,9 @@ impl Trial {
             MIN_GAIN
         };
         let worst = self.worst() < MAX_LEFT_OF_WORST * other.worst();
-        ((gain >= needed && worst && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
+        let harms = is_less_explained(&other.errors, &self.errors);
+        (((gain >= needed && worst && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
+            && !harms)
             .then_some(gain * if known { nominal } else { 1.0 })
     }
 

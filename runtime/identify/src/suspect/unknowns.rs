@@ -329,6 +329,7 @@ fn moved(sample: &Sample, every: usize, by: &[(Unknown, f64)]) -> Sample {
     Sample {
         measured: sample.measured.clone(),
         unmeasured: sample.unmeasured.clone(),
+        least_errors: sample.least_errors.clone(),
         states,
         ..Sample::default()
     }
@@ -821,6 +822,7 @@ mod tests {
                 time: t,
                 motion: [vec![2.0 + t - 3.0 * t * t], vec![1.0 - 6.0 * t], vec![-6.0]],
                 efforts: vec![],
+                ..Measured::default()
             }
         };
         let states: Vec<Measured> = (0..50).map(state).collect();

@@ -4,7 +4,9 @@ use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
 use super::positions::Contradiction;
-use super::{Change, CutOff, Drift, FarEffort, Nominal, Parts, Reading, Sample, Shift, Spikes};
+use super::{
+    Change, CutOff, Drift, Drifting, FarEffort, Nominal, Parts, Reading, Sample, Shift, Spikes,
+};
 use crate::data::{Assignment, Quantity};
 use crate::text;
 
@@ -254,9 +256,22 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
     pub(super) fn drifting(&self, drifts: &[Drift]) -> Option<Suspicion> {
         let one = |own: &Drift| {
             let source = self.effort(own.effort);
-            let change = text::figure_of(3, own.change / source.factor);
             let column = source.column;
-            format!("column `{column}` drifts by {change} from what the model explains of it")
+            match own.change {
+                Drifting::Constant(change) => {
+                    let change = text::figure_of(3, change / source.factor);
+                    format!(
+                        "column `{column}` drifts by {change} from what the model explains of it"
+                    )
+                }
+                Drifting::Gain(change) => {
+                    let how = if change > 0.0 { "grows" } else { "shrinks" };
+                    let percent = text::figure_of(2, 100.0 * change.abs());
+                    format!(
+                        "column `{column}` {how} by {percent} % over the log beside what the model explains of it"
+                    )
+                }
+            }
         };
         let words: Vec<String> = drifts.iter().map(one).collect();
         let advice = "Its sensor or the friction of its joint warms up: take the zero of the sensor again \

@@ -367,6 +367,7 @@ fn doubts(count: u32, factors: [f64; 3]) -> (Vec<String>, usize) {
         time: 0.01 * k as f64,
         motion: [0, 1, 2].map(|part| motion.iter().map(|m| m[part][k]).collect()),
         efforts: vec![effort(k, 0.37), effort(k, 0.21)],
+        ..Measured::default()
     });
     let sample = Sample {
         measured: vec![0, 1, 2],
