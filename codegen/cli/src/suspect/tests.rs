@@ -248,7 +248,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_reported() {
             (
                 "a position shifted by much",
                 log.each(&["q1"], |x| x - 0.15),
-                &["column `q1` looks shifted by -0.14"],
+                &["column `q1` looks shifted by -0.15"],
             ),
             (
                 "efforts swapped and a constant",

@@ -63,6 +63,8 @@ pub struct Sample {
     pub rates_of: Vec<usize>,
     /// The efforts that are stated as not measured: indices into `Info::actuated`.
     pub unmeasured: Vec<usize>,
+    /// The pairs of efforts that are read from columns with the same values in all rows, whatever their delays.
+    pub copied_efforts: Vec<[usize; 2]>,
     /// The delays of the efforts that are corrected, s, in the order of `Info::actuated`; may be empty.
     pub delays: Vec<f64>,
     /// The standard deviation of what noise leaves unknown of the acceleration of each measured coordinate; may be
@@ -175,12 +177,20 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             .max(1);
         let mut segment = Stretch::default();
         let mut spread = Spread::new(log.file.layout.measured.len());
+        let efforts = log.file.layout.efforts();
+        let mut pairs: Vec<[usize; 2]> = (0..efforts.len())
+            .flat_map(|b| (0..b).map(move |a| [a, b]))
+            .collect();
         let mut place = 0;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
                 if !row.bridged {
                     spread.push(log, row);
                 }
+                let own = row.values.get(efforts.clone()).unwrap_or_default();
+                pairs.retain(|[a, b]| {
+                    own.get(*a).map(|x| x.to_bits()) == own.get(*b).map(|x| x.to_bits())
+                });
                 let block = place * count / rows.max(1);
                 let within = place < block * rows / count.max(1) + length;
                 place += 1;
@@ -196,6 +206,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         if let Ok(noise) = motion_noise(log, self.settings.method) {
             out.lessen_noise(&noise);
         }
+        out.copied_efforts = pairs;
         if !log.file.bridges_spikes() {
             out.spikes.clone_from(&log.survey.spikes);
         }
@@ -325,14 +336,12 @@ impl Sample {
                 }
                 let part = (1.0 - noise * noise / square).max(0.0);
                 for own in &mut self.states {
-                    let values = own.motion.get_mut(d).and_then(|own| own.get_mut(k));
-                    values
-                        .into_iter()
-                        .for_each(|x| *x = mean + part * (*x - mean));
+                    if let Some(x) = own.motion.get_mut(d).and_then(|own| own.get_mut(k)) {
+                        *x = mean + part * (*x - mean);
+                    }
                 }
-                if d == 2 {
-                    let left = self.acceleration_noise.get_mut(k);
-                    left.into_iter().for_each(|own| *own *= part.sqrt());
+                if let (2, Some(left)) = (d, self.acceleration_noise.get_mut(k)) {
+                    *left *= part.sqrt();
                 }
             }
         }

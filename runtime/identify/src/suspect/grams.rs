@@ -903,12 +903,10 @@ mod tests {
         let mut model = swings(false);
         model.joints[1].friction = regen_runtime::Friction::Coulomb;
         let error = |one_of: usize, model: &super::super::swings_for_tests::Swings| {
-            let mut k = 0;
             let mut sticking = sample();
-            for own in &mut sticking.states {
-                own.resting = vec![false, k % one_of == 0, false];
+            for (k, own) in sticking.states.iter_mut().enumerate() {
+                own.resting = vec![false, k.is_multiple_of(one_of), false];
                 own.efforts[1] += if own.resting[1] { 5.0 } else { 0.0 };
-                k += 1;
             }
             let plain = Reading::plain(3);
             let grams = Grams::of(model, &sticking, &plain, 1);

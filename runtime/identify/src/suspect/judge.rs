@@ -446,7 +446,18 @@ fn copies<M: BaseModel<f64> + ?Sized>(
         let of = Quantity::Position(columns.name(*c));
         columns.source(&of).column
     });
-    let mut words = same(&efforts.collect::<Vec<_>>(), sample, |state| &state.efforts);
+    let efforts: Vec<String> = efforts.collect();
+    let mut words = same(&efforts, sample, |state| &state.efforts);
+    // corrected delays of both may differ
+    let is_measured = |pair: &&[usize; 2]| !pair.iter().any(|k| sample.unmeasured.contains(k));
+    let copies = sample.copied_efforts.iter().filter(is_measured);
+    let pairs = copies.filter_map(|[a, b]| Some((efforts.get(*a)?, efforts.get(*b)?)));
+    let others = pairs.filter(|(a, b)| a != b).map(|(a, b)| copied(a, b));
+    words.extend(
+        others
+            .filter(|own| !words.contains(own))
+            .collect::<Vec<_>>(),
+    );
     words.extend(same(&positions.collect::<Vec<_>>(), sample, |state| {
         &state.motion[0]
     }));
@@ -463,6 +474,10 @@ fn copies<M: BaseModel<f64> + ?Sized>(
     })
 }
 
+fn copied(one: &str, other: &str) -> String {
+    format!("columns `{one}` and `{other}` have the same values in all rows")
+}
+
 /// The pairs of quantities that are the same at all states and change.
 fn same(titles: &[String], sample: &Sample, of: fn(&Measured) -> &Vec<f64>) -> Vec<String> {
     let value = |state: &Measured, k: usize| of(state).get(k).map(|x| x.to_bits());
@@ -477,10 +492,7 @@ fn same(titles: &[String], sample: &Sample, of: fn(&Measured) -> &Vec<f64>) -> V
             titles[*j] != titles[k] && states.all(|state| value(state, *j) == value(state, k))
         });
         if let Some(j) = twin {
-            out.push(format!(
-                "columns `{}` and `{}` have the same values in all rows",
-                titles[j], titles[k]
-            ));
+            out.push(copied(&titles[j], &titles[k]));
         }
     }
     out
@@ -857,6 +869,15 @@ mod tests {
         assert_eq!(first(&sample()), "");
         assert_eq!(
             first(&with(|s| s.efforts[2] = s.efforts[0])),
+            "columns `tau_q1` and `tau_q3` have the same values in all rows"
+        );
+        // delays that are corrected hide a copy
+        let late = Sample {
+            copied_efforts: vec![[0, 2]],
+            ..sample()
+        };
+        assert_eq!(
+            first(&late),
             "columns `tau_q1` and `tau_q3` have the same values in all rows"
         );
         assert_eq!(
