@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use regen_calibrate::{
-    CalibrateError, Convention, Geometry, Kind, Mounting, Pose, Problem, Sensor, Simulation,
+    CalibrateError, Convention, Efforts, Geometry, Kind, Mounting, Pose, Problem, Sensor,
+    Simulation,
 };
 use regen_codegen::diag::Source;
 use regen_codegen::explain::lines::columns;
 use regen_codegen::pipeline::Mechanism;
+use regen_codegen::robot::Robot;
 use regen_codegen::spec::edit::{Spot, with_geometry, with_placements};
 use regen_codegen::spec::{nearest, parse};
 use regen_identify::data::{Assignment, Quantity, RawLog, Run, Settings, ValuesFrom};
@@ -15,7 +17,7 @@ use regen_identify::experiment_file::{
     Calibration, ExperimentFile, MeasuredFrame, MeasuredKind, Purpose,
 };
 use regen_identify::text::figure_of;
-use regen_interpreted::{ChosenGeometry, Described};
+use regen_interpreted::{ChosenGeometry, Described, NominalEfforts};
 use regen_report::results::{Calibrated, calibrated_text};
 use regen_runtime::Info;
 
@@ -59,6 +61,8 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         None => stated(&file.settings, &mechanism),
     };
     let noise = vec![plan.noise; measured.len()];
+    let held = held_robot(&mechanism, &geometry)?;
+    let efforts = efforts_of(held.as_ref(), &args.spec)?;
     let problem = Problem {
         kinematics: &described.kinematics,
         geometry: &geometry,
@@ -66,6 +70,7 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         noise_of_readings: &noise,
         sensors: &sensors,
         tolerance: plan.tolerance,
+        efforts: efforts.as_ref().map(|own| own as &dyn Efforts),
         poses: logs.as_ref().map_or(&[], |logs| &logs.poses),
     };
     // what is wrong with the measurements is told also where nothing fits them
@@ -376,6 +381,28 @@ pub(crate) fn geometry<'d>(
         };
         Failure::Input(format!("'{name}' is nothing of the geometry; {hint}"))
     })
+}
+
+/// The robot with what its efforts at rest need, where a compliance is unknown.
+pub(crate) fn held_robot(
+    mechanism: &Mechanism,
+    geometry: &ChosenGeometry<'_>,
+) -> Result<Option<Robot>, Failure> {
+    let mut unknowns = geometry.unknowns().iter();
+    if unknowns.any(|unknown| unknown.unit.is_compliance()) {
+        Ok(Some(mechanism.robot(&NominalEfforts::KINDS)?))
+    } else {
+        Ok(None)
+    }
+}
+
+/// The efforts at rest of the robot that [`held_robot`] returns.
+pub(crate) fn efforts_of<'r>(
+    robot: Option<&'r Robot>,
+    spec: &Path,
+) -> Result<Option<NominalEfforts<'r>>, Failure> {
+    let efforts = robot.map(NominalEfforts::new).transpose();
+    efforts.map_err(|error| Failure::Input(format!("{}: {error}", spec.display())))
 }
 
 /// The coordinates that are measured according to the columns, or the actuated ones.

@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
-use regen_calibrate::{CalibrateError, Choice, Problem};
+use regen_calibrate::{CalibrateError, Choice, Efforts, Problem};
 use regen_interpreted::Described;
 use regen_report::results::{Calibrated, chosen_text};
 
 use crate::args::{ExciteArgs, Format};
-use crate::calibrate::{experiment, geometry, reading_columns, sensors, stated, stated_plan};
+use crate::calibrate::{
+    efforts_of, experiment, geometry, held_robot, reading_columns, sensors, stated, stated_plan,
+};
 use crate::exit::Failure;
 use crate::{load, table, terminal, write};
 
@@ -53,6 +55,8 @@ pub(crate) fn run(
     let geometry = geometry(&[], plan, &described, &sensors)?;
     let measured = stated(&plan_file.settings, &mechanism);
     let noise = vec![plan.noise; measured.len()];
+    let held = held_robot(&mechanism, &geometry)?;
+    let efforts = efforts_of(held.as_ref(), &args.file)?;
     let problem = Problem {
         kinematics: &described.kinematics,
         geometry: &geometry,
@@ -60,6 +64,7 @@ pub(crate) fn run(
         noise_of_readings: &noise,
         sensors: &sensors,
         tolerance: plan.tolerance,
+        efforts: efforts.as_ref().map(|own| own as &dyn Efforts),
         poses: &[],
     };
     let what = Choice {

@@ -9,6 +9,7 @@ use regen_codegen::model::{self, Model, MotionKind, Side};
 use regen_codegen::robot::Robot;
 use regen_codegen::spec::edit::{PlacedFrame, Spot};
 use regen_codegen::spec::{self, CutKind, CutRow, Expr, Function, JointFrame, Spec};
+use regen_codegen::sym::Number;
 
 /// Everything of a mechanism's geometry that can be unknown.
 #[derive(Clone, Debug)]
@@ -21,8 +22,8 @@ pub struct Described {
     pub(crate) scalars: Vec<Expr>,
     /// Errors that can be added to scalars, in the order in which they are preferred.
     pub(crate) errors: Vec<PlacementError>,
-    /// The scales of the coordinates, which are unknown only where they are named.
-    scales: Vec<PlacementError>,
+    /// The scales of the coordinates, then the compliances, which are unknown only where they are named.
+    of_joints: Vec<PlacementError>,
     /// The placements that errors belong to.
     owners: Vec<Owner>,
 }
@@ -124,8 +125,7 @@ impl Builder {
 
     /// A step that is an error alone.
     fn error_step(&mut self, turns: bool, along: Axis) -> Step {
-        self.scalars
-            .push(Expr::Number(regen_codegen::sym::Number::zero()));
+        self.scalars.push(Expr::Number(Number::zero()));
         Step {
             turns,
             axis: along,
@@ -303,20 +303,27 @@ impl Described {
                 .collect(),
         });
         let geometry = spec.geometry.iter();
-        let one = regen_codegen::sym::Number::one();
-        let scales: Vec<PlacementError> = model
-            .coordinates
-            .iter()
-            .map(|coordinate| {
-                builder.scalars.push(Expr::Number(one.clone()));
-                PlacementError {
-                    name: format!("{}.scale", coordinate.name),
-                    unit: Unit::Plain,
+        let mut of_joints = Vec::new();
+        for (symbol, value) in [("scale", Number::one()), ("compliance", Number::zero())] {
+            for (c, coordinate) in model.coordinates.iter().enumerate() {
+                builder.scalars.push(Expr::Number(value.clone()));
+                let mut motions = model.links.iter().filter_map(|link| link.motion.as_ref());
+                let turns =
+                    motions.any(|own| own.coordinate == c && own.kind == MotionKind::Rotation);
+                of_joints.push(PlacementError {
+                    name: format!("{}.{symbol}", coordinate.name),
+                    unit: match (symbol, turns) {
+                        ("scale", _) => Unit::Plain,
+                        (_, true) => Unit::AngleByEffort,
+                        (_, false) => Unit::LengthByEffort,
+                    },
                     scalar: builder.scalars.len() - 1,
                     frame: None,
-                }
-            })
-            .collect();
+                });
+            }
+        }
+        let scalars = |all: &[PlacementError]| all.iter().map(|own| Some(own.scalar)).collect();
+        let (scales, compliances) = of_joints.split_at(model.coordinates.len());
         Self {
             kinematics: Kinematics {
                 coordinates: robot.coordinates.clone(),
@@ -326,7 +333,8 @@ impl Described {
                 couplings: couplings.collect(),
                 frames,
                 home: robot.home.clone(),
-                scales: scales.iter().map(|own| Some(own.scalar)).collect(),
+                scales: scalars(scales),
+                compliances: scalars(compliances),
                 limits: model.coordinates.iter().map(|c| c.position).collect(),
                 gravity: robot.gravity,
             },
@@ -335,17 +343,17 @@ impl Described {
                 .collect(),
             scalars: builder.scalars,
             errors: builder.errors,
-            scales,
+            of_joints,
             owners: builder.owners,
         }
     }
 
     /// The names of everything that can be unknown: the constants of `geometry` that are no
-    /// expressions of others, then errors of placements, then the scales of coordinates.
+    /// expressions of others, then errors of placements, then the scales and compliances of coordinates.
     pub fn names(&self) -> Vec<&str> {
         let free = self.names.iter().filter(|(_, expr)| is_free(expr));
         let free = free.map(|(name, _)| name.as_str());
-        let errors = self.errors.iter().chain(&self.scales);
+        let errors = self.errors.iter().chain(&self.of_joints);
         free.chain(errors.map(|error| error.name.as_str()))
             .collect()
     }
@@ -359,7 +367,8 @@ impl Described {
     }
 
     /// The geometry with these unknowns: names of [`names`](Described::names), or what such names
-    /// begin with before a dot, such as `q3` or `tool`, for all of them but scales.
+    /// begin with before a dot, such as `q3` or `tool`, for all of them but scales and compliances. A `*`
+    /// stands for any part of a name without a dot.
     ///
     /// # Errors
     /// The first name that is none.
@@ -376,13 +385,15 @@ impl Described {
                 }
             }
             for error in &self.errors {
-                let below = error.name.strip_prefix(name.as_str());
-                if below.is_some_and(|rest| rest.is_empty() || rest.starts_with('.')) {
+                let mut dots = error.name.match_indices('.');
+                if matches(name, &error.name) || dots.any(|(k, _)| matches(name, &error.name[..k]))
+                {
                     out.push(self.error(error));
                 }
             }
-            let scale = self.scales.iter().find(|own| own.name == *name);
-            out.extend(scale.map(|own| self.error(own)));
+            let of_joints = self.of_joints.iter();
+            let of_joints = of_joints.filter(|own| matches(name, &own.name));
+            out.extend(of_joints.map(|own| self.error(own)));
             if out.len() == before {
                 return Err(name);
             }
@@ -527,6 +538,18 @@ impl Described {
     }
 }
 
+/// Whether a name is the one that is wanted, where any part without a dot may stand for its `*`.
+fn matches(wanted: &str, name: &str) -> bool {
+    match wanted.split_once('*') {
+        None => wanted == name,
+        Some((before, after)) => {
+            let rest = name.strip_prefix(before);
+            let part = rest.and_then(|rest| rest.strip_suffix(after));
+            part.is_some_and(|part| !part.contains('.'))
+        }
+    }
+}
+
 /// The joint that a coordinate belongs to: `s1` of `s1.2`.
 fn owner(coordinate: &str) -> &str {
     coordinate
@@ -606,7 +629,7 @@ impl ChosenGeometry<'_> {
                 .iter()
                 .filter(|own| matches!(own.holder, Holder::Body));
             let mut steps = of_body.flat_map(|own| &own.chain.steps);
-            let is_unheld = described.scales.iter().any(|own| own.scalar == *scalar)
+            let is_unheld = described.of_joints.iter().any(|own| own.scalar == *scalar)
                 || steps.any(|step| step.amount == Amount::Scalar(*scalar));
             if is_changed && is_unheld {
                 unheld.push(unknown.name.as_str());

@@ -20,6 +20,7 @@
 //! ```
 
 mod block;
+mod efforts;
 mod eval;
 mod exact;
 mod kinematics;
@@ -40,6 +41,7 @@ use regen_runtime::{
     Parameter, SwingLimit, Symbol,
 };
 
+pub use efforts::{NominalEfforts, UnknownEfforts};
 pub use eval::Interpret;
 use eval::Programs;
 pub use kinematics::{ChosenGeometry, Described};

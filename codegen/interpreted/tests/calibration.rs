@@ -2,12 +2,15 @@
 //! programs, counts of what can be known, and estimates against the truth.
 
 #![allow(clippy::unwrap_used)]
-use regen_calibrate::{Geometry, Kind, Kinematics, Mounting, Problem, Sensor, Simulation, Why};
+use regen_calibrate::{
+    Efforts, Geometry, Kind, Kinematics, Mounting, Problem, Sensor, Simulation, Why,
+};
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::Mechanism;
+use regen_codegen::robot::Robot;
 use regen_codegen::signature::FunctionKind;
 use regen_codegen::spec::edit::with_placements;
-use regen_interpreted::{ChosenGeometry, Described, Interpreted};
+use regen_interpreted::{ChosenGeometry, Described, Interpreted, NominalEfforts, UnknownEfforts};
 use regen_runtime::Model;
 
 fn source(name: &str) -> Source {
@@ -21,6 +24,12 @@ fn described(name: &str) -> (Described, Vec<usize>) {
     let robot = mechanism.robot(&[]).unwrap();
     let described = Described::new(mechanism.spec(), mechanism.model(), &robot);
     (described, mechanism.model().actuated.clone())
+}
+
+/// A robot with what its efforts at rest need.
+fn with_efforts(name: &str) -> Robot {
+    let mechanism = Mechanism::open(&source(name)).unwrap();
+    mechanism.robot(&NominalEfforts::KINDS).unwrap()
 }
 
 /// Numbers of the normal distribution, the same ones in every run.
@@ -75,6 +84,7 @@ fn known(
         noise_of_readings: &noise,
         sensors,
         tolerance: None,
+        efforts: None,
         poses: &[],
     }
     .known()
@@ -321,6 +331,31 @@ fn scales_multiply_readings_in_closures_and_couplings() {
     }
 }
 
+/// A beam on a joint about a level axis, of which the masses are needed and nothing else is.
+#[test]
+fn efforts_at_rest_are_those_of_the_stated_masses_and_missing_ones_are_named() {
+    let text = "name: beam\nlimbs:\n  - name: arm\n    base: {rpy: [-pi/2, 0, 0]}\n    joints:\n      \
+                - {name: q1, type: revolute, body: beam, actuated: true, friction: viscous}\n";
+    let open = |text: &str| {
+        let mechanism = Mechanism::open(&Source::new("beam", text)).unwrap();
+        mechanism.robot(&NominalEfforts::KINDS).unwrap()
+    };
+    let bare = open(text);
+    let Err(UnknownEfforts::Missing(labels)) = NominalEfforts::new(&bare) else {
+        panic!("a beam without a mass has efforts");
+    };
+    assert_eq!(labels, ["mx(beam)", "my(beam)"]);
+    let nominal = "bodies:\n  beam: {mass: 2, com: [0.5, 0, 0], inertia: [1, 0, 0, 1, 0, 1]}\n";
+    let stated = open(&format!("{text}{nominal}"));
+    let efforts = NominalEfforts::new(&stated).unwrap();
+    // x is level at 0, and z of the joint is along the world's y: the beam falls as q1 grows
+    let found = efforts.at(&[0.4]).unwrap();
+    assert!(
+        (found[0] + 2.0 * 9.81 * 0.5 * 0.4_f64.cos()).abs() < 1e-12,
+        "{found:?}"
+    );
+}
+
 /// What is simulated for a calibration: a mechanism whose errors are known.
 struct Trial<'a> {
     described: &'a Described,
@@ -332,14 +367,25 @@ struct Trial<'a> {
     noise: [f64; 2],
     noise_of_readings: Option<f64>,
     tolerance: Option<f64>,
+    efforts: Option<&'a dyn Efforts>,
+}
+
+/// How estimates of many seeds are about the truth.
+struct Coverage {
+    /// The part of the intervals that hold the truth, percent.
+    held: f64,
+    /// The rms of the errors in deviations.
+    rms: f64,
+    /// The part of the values within three deviations, and that of the seeds with every value, percent.
+    within: [f64; 2],
+    /// The mean number of values of a seed.
+    values: f64,
 }
 
 impl Trial<'_> {
-    /// The part of the intervals that hold the truth, percent, the rms of the errors in deviations, and
-    /// the part of the seeds with every value within three deviations, percent.
-    fn coverage(&self, seeds: u64) -> [f64; 3] {
+    fn coverage(&self, seeds: u64) -> Coverage {
         let mut count = 0.0;
-        let (mut held, mut squares, mut within) = (0.0, 0.0, 0.0);
+        let (mut held, mut squares, mut within) = (0.0, 0.0, [0.0; 2]);
         let noise = vec![self.noise_of_readings; self.measured.len()];
         let problem = Problem {
             kinematics: &self.described.kinematics,
@@ -348,8 +394,10 @@ impl Trial<'_> {
             noise_of_readings: &noise,
             sensors: &self.sensors,
             tolerance: self.tolerance,
+            efforts: self.efforts,
             poses: &[],
         };
+        let names = problem.known().unwrap().kept;
         for seed in 0..seeds {
             let what = Simulation {
                 poses: 40,
@@ -370,7 +418,6 @@ impl Trial<'_> {
                 "seed {seed}: {:?}",
                 fit.outliers
             );
-            let names = problem.known().unwrap().kept;
             let mut worst: f64 = 0.0;
             for estimate in &fit.estimates {
                 let at = names
@@ -382,16 +429,18 @@ impl Trial<'_> {
                 held += f64::from(u8::from(low <= truth[at] && truth[at] <= high));
                 let off = (estimate.value - truth[at]) / estimate.sigma;
                 squares += off.powi(2);
+                within[0] += f64::from(u8::from(off.abs() < 3.0));
                 worst = worst.max(off.abs());
             }
-            within += f64::from(u8::from(worst < 3.0));
+            within[1] += f64::from(u8::from(worst < 3.0));
         }
         let all = seeds as f64;
-        [
-            100.0 * held / count,
-            (squares / count).sqrt(),
-            100.0 * within / all,
-        ]
+        Coverage {
+            held: 100.0 * held / count,
+            rms: (squares / count).sqrt(),
+            within: [100.0 * within[0] / count, 100.0 * within[1] / all],
+            values: count / all,
+        }
     }
 }
 
@@ -402,34 +451,56 @@ impl Trial<'_> {
 fn intervals_hold_the_truth() {
     let is_full = std::env::var_os("REGEN_FULL").is_some();
     // a camera with arms and platforms, a tracker, and redundant encoders alone
-    // with and without knowing how well the machine was made
-    for (name, tip, kind, tolerance) in [
-        ("puma560", "6", Some(Kind::Pose), None),
-        ("3rps", "3", Some(Kind::Pose), None),
-        ("3rps", "3", Some(Kind::Point), Some(5e-4)),
-        ("delta", "platform", Some(Kind::Point), None),
-        ("fivebar", "tip", None, None),
-        ("stewart", "platform", Some(Kind::Pose), None),
+    // with and without knowing how well the machine was made, and with joints that yield
+    for (name, tip, kind, tolerance, yields) in [
+        ("puma560", "6", Some(Kind::Pose), None, false),
+        ("puma560", "6", Some(Kind::Pose), None, true),
+        ("3rps", "3", Some(Kind::Pose), None, false),
+        ("3rps", "3", Some(Kind::Point), Some(5e-4), false),
+        ("delta", "platform", Some(Kind::Point), None, false),
+        ("delta", "platform", Some(Kind::Pose), None, true),
+        ("fivebar", "tip", None, None, false),
+        ("stewart", "platform", Some(Kind::Pose), None, false),
     ] {
         if name == "stewart" && !is_full {
             continue;
         }
+        let robot = with_efforts(name);
+        let efforts = NominalEfforts::new(&robot).unwrap();
         let (described, actuated) = described(name);
         let kinematics = &described.kinematics;
         let all: Vec<usize> = (0..kinematics.coordinates.len()).collect();
         let tip = frame(kinematics, tip);
+        let compliant = ["q*", "q*.compliance"].map(str::to_owned);
         let trial = Trial {
             described: &described,
             measured: if kind.is_some() { &actuated } else { &all },
-            geometry: described.with_all_errors(&[tip]),
+            geometry: if yields {
+                described.with(&compliant).unwrap()
+            } else {
+                described.with_all_errors(&[tip])
+            },
             sensors: kind.iter().map(|kind| camera(tip, *kind)).collect(),
             errors: 5e-4,
             noise: [2e-5, 5e-5],
             noise_of_readings: Some(if kind.is_some() { 0.0 } else { 2e-5 }),
             tolerance,
+            efforts: yields.then_some(&efforts as &dyn Efforts),
         };
-        let [held, rms, within] = trial.coverage(if is_full { 200 } else { 12 });
-        println!("{name}: {held:.1} % {rms:.3} {within:.1} %");
+        let found = trial.coverage(if is_full { 200 } else { 12 });
+        let Coverage {
+            held,
+            rms,
+            within,
+            values,
+        } = found;
+        // so many seeds have every value within three deviations if values were independent
+        let expected = 100.0 * 0.9973_f64.powf(values);
+        println!(
+            "{name} {yields}: {held:.1} % {rms:.3}, within 3 deviations {:.2} % of {values:.1} values, all \
+             in {:.1} % of the seeds, {expected:.1} % if independent",
+            within[0], within[1]
+        );
         let [low, high] = if is_full { [93.0, 97.0] } else { [90.0, 100.0] };
         assert!(
             (low..=high).contains(&held) && (0.85..1.15).contains(&rms),

@@ -100,6 +100,7 @@ fn chosen_poses_are_better_than_random_ones_and_their_indices_are_those_of_the_d
             noise_of_readings: &vec![Some(0.0); measured.len()],
             sensors: &sensors,
             tolerance: None,
+            efforts: None,
             poses: &[],
         };
         let what = Choice {
@@ -219,6 +220,7 @@ fn predicted_deviations_are_those_of_a_fit_with_the_poses() {
         noise_of_readings: &noise,
         sensors: &sensors,
         tolerance: None,
+        efforts: None,
         poses: &[],
     };
     let what = Choice {

@@ -67,6 +67,7 @@ const MAP_PX: [f64; 2] = [674.0, 300.0];
 /// #     noise_of_readings: &[Some(0.0)],
 /// #     sensors: &[wire],
 /// #     tolerance: None,
+/// #     efforts: None,
 /// #     poses: &[],
 /// # };
 /// use regen_report::{calibrated, results::Calibrated};

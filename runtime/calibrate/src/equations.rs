@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::closure::{Split, multipliers};
+use crate::compliance::Efforts;
 use crate::geometry::Geometry;
 use crate::kinematics::{Amount, Kinematics};
 use crate::placed::Placed;
@@ -36,6 +37,8 @@ pub struct Problem<'a> {
     /// The standard deviation that errors of the geometry have as it was made, rad or m; `None` if
     /// nothing is known of it.
     pub tolerance: Option<f64>,
+    /// The efforts at rest to which joints yield; `None` where none does.
+    pub efforts: Option<&'a dyn Efforts>,
     /// The poses.
     pub poses: &'a [Pose],
 }
@@ -142,7 +145,7 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// A point moved by steps of the mountings' freedoms and of the unknowns, its loops closed again;
+    /// A point of the poses moved by steps of the mountings' freedoms and of the unknowns, its loops closed again;
     /// `None` where they cannot be.
     pub(crate) fn moved(&self, split: &Split, point: &Point, step: &[f64]) -> Option<Point> {
         let mut rest = step;
@@ -155,8 +158,8 @@ impl Problem<'_> {
         let values: Vec<f64> = point.values.iter().zip(rest).map(|(a, b)| a + b).collect();
         let scalars = self.geometry.scalars(&values)?;
         let placed = Placed::new(self.kinematics, &scalars);
-        let states = point.states.iter();
-        let states = states.map(|q| placed.close(split, q.clone()));
+        let states = point.states.iter().zip(self.poses);
+        let states = states.map(|(q, pose)| self.state_of((&placed, split), pose, q));
         Some(Point {
             states: states.collect::<Option<_>>()?,
             values,
@@ -218,8 +221,10 @@ impl Problem<'_> {
             readings.filter(|(c, reading)| !split.driving.contains(c) && reading.is_finite());
         let observed = residual.len();
         let redundant: Vec<usize> = readings.clone().map(|(c, _)| *c).collect();
+        let expected = self.readings(placed.scalars, q)?;
         for (c, reading) in readings {
-            residual.push(q[*c] - reading);
+            let at = self.measured.iter().position(|own| own == c)?;
+            residual.push(expected[at] - reading);
             groups.push(if self.turns(*c) {
                 Group::ReadAngles
             } else {
@@ -227,8 +232,11 @@ impl Problem<'_> {
             });
         }
         let rows = residual.len();
-        let mut by_coordinate = DMatrix::zeros(rows, coordinates);
-        let mut by_scalar = DMatrix::zeros(rows, kinematics.scalars);
+        // below the residuals, how far driving joints yield
+        let yielding = self.yielding(placed.scalars, q)?;
+        let below = yielding.as_ref().map_or(0, |_| split.driving.len());
+        let mut by_coordinate = DMatrix::zeros(rows + below, coordinates);
+        let mut by_scalar = DMatrix::zeros(rows + below, kinematics.scalars);
         let mut slopes = DMatrix::zeros(rows, freedoms + unknowns);
         let mut at = 0;
         for (first, own, part) in &seen {
@@ -245,6 +253,18 @@ impl Problem<'_> {
         for (k, c) in redundant.iter().enumerate() {
             by_coordinate[(observed + k, *c)] = 1.0;
         }
+        if let Some(own) = &yielding {
+            let redundant = redundant.iter().enumerate();
+            let redundant = redundant.map(|(k, c)| (observed + k, *c));
+            let driving = split.driving.iter().enumerate();
+            for (row, c) in redundant.chain(driving.map(|(k, c)| (rows + k, *c))) {
+                let mut slopes = by_coordinate.row_mut(row);
+                slopes += own.slopes.row(c);
+                if let Some(place) = kinematics.compliances.get(c).copied().flatten() {
+                    by_scalar[(row, place)] += own.efforts[c];
+                }
+            }
+        }
         let mut geometry = by_unknown.after(&by_scalar);
         // dependent coordinates follow by A_e dq_e = -f_x dx: multiples of the closure equations take
         // them out of the residuals
@@ -260,11 +280,18 @@ impl Problem<'_> {
                 1.0,
             );
         }
+        let mut by_reading = by_coordinate.select_columns(&split.driving);
+        if below > 0 {
+            // driving joints are behind their readings by what they yield, which follows them
+            let own = DMatrix::identity(below, below) + by_reading.rows(rows, below);
+            by_reading = by_reading.rows(0, rows) * own.try_inverse()?;
+            geometry = geometry.rows(0, rows) - &by_reading * geometry.rows(rows, below);
+        }
         slopes.columns_mut(freedoms, unknowns).copy_from(&geometry);
         Some(Block {
             residual: DVector::from_vec(residual),
             slopes,
-            by_reading: by_coordinate.select_columns(&split.driving),
+            by_reading,
             groups,
         })
     }

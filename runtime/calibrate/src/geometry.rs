@@ -9,8 +9,19 @@ pub enum Unit {
     Angle,
     /// m
     Length,
-    /// Neither: a ratio, or a name that enters lengths and angles.
+    /// rad/(N m), of a joint that yields to its effort.
+    AngleByEffort,
+    /// m/N, of one that shifts.
+    LengthByEffort,
+    /// None of these: a ratio, or a name that enters lengths and angles.
     Plain,
+}
+
+impl Unit {
+    /// Whether it is that of a compliance.
+    pub fn is_compliance(self) -> bool {
+        matches!(self, Self::AngleByEffort | Self::LengthByEffort)
+    }
 }
 
 /// A number of the geometry that is unknown.

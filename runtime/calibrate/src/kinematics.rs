@@ -119,6 +119,9 @@ pub struct Kinematics {
     /// The scalar that multiplies each coordinate: the scale of its encoder or the error of its gear, 1 as
     /// described. Coordinates are then readings; without an entry they are multiplied by nothing.
     pub scales: Vec<Option<usize>>,
+    /// The scalar that says how far the joint of each coordinate yields: it is behind the reading of its
+    /// drive by this many rad/(N m) or m/N times the effort ([`Efforts`](crate::Efforts)).
+    pub compliances: Vec<Option<usize>>,
     /// The limits of each coordinate, where there are any.
     pub limits: Vec<Option<[f64; 2]>>,
     /// Gravity in the world, m/s^2.

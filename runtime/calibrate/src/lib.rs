@@ -59,6 +59,7 @@
 //!     noise_of_readings: &[Some(0.0)],
 //!     sensors: &[wire],
 //!     tolerance: None,
+//!     efforts: None,
 //!     poses: &[],
 //! };
 //! let what = Simulation { poses: 20, errors: 1e-2, noise: [1e-4, 1e-4], seed: 1 };
@@ -72,6 +73,7 @@
 
 mod choose;
 mod closure;
+mod compliance;
 mod equations;
 mod fit;
 mod geometry;
@@ -86,6 +88,7 @@ mod suspect;
 
 pub use choose::{Choice, Chosen, Design, Observability};
 pub use closure::{Closure, Split};
+pub use compliance::Efforts;
 pub use equations::{Group, Pose, Problem};
 pub use fit::{CalibrateError, Estimate, Fit, Fixed, GroupFit, PoseResiduals};
 pub use geometry::{Geometry, Unit, Unknown};

@@ -6,14 +6,15 @@ use crate::equations::{Pose, Problem};
 use crate::fit::CalibrateError;
 use crate::placed::Placed;
 use crate::sensor::Kind;
-use crate::structure::Structure;
+use crate::structure::{Reached, Structure};
 
 /// What is simulated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Simulation {
     /// The number of poses.
     pub poses: usize,
-    /// The standard deviation of the errors of the geometry, rad and m.
+    /// The standard deviation of the errors of the geometry, rad and m; of a joint that yields, of what its
+    /// largest effort does to it.
     pub errors: f64,
     /// The noise of sensors whose noise is not stated: of lengths, m, and of angles, rad.
     pub noise: [f64; 2],
@@ -49,6 +50,27 @@ impl Draws {
 }
 
 impl Problem<'_> {
+    /// For each unknown that is a compliance the largest of its efforts, as so many states show them.
+    fn largest_efforts(&self, start: &Reached, states: usize) -> Vec<Option<f64>> {
+        let mut out = vec![None; start.nominal.len()];
+        let Some(efforts) = self.efforts else {
+            return out;
+        };
+        let states = self.drawn_states(start, states, &mut Draws::new(0));
+        let all: Vec<Vec<f64>> = states.iter().filter_map(|q| efforts.at(q)).collect();
+        let slopes = self.geometry.slopes(&start.nominal);
+        for (c, place) in self.kinematics.compliances.iter().enumerate() {
+            let Some(place) = *place else { continue };
+            let largest = all.iter().map(|own| own[c].abs()).fold(0.0, f64::max);
+            for (k, out) in out.iter_mut().enumerate() {
+                if slopes[(place, k)] != 0.0 {
+                    *out = Some(largest);
+                }
+            }
+        }
+        out
+    }
+
     /// Poses of a mechanism with errors, measured with noise, and the true values of the unknowns.
     /// Only what such measurements can tell has errors, so that estimates can be compared with it.
     ///
@@ -59,11 +81,18 @@ impl Problem<'_> {
         let structure = Structure::new(self, &start)?;
         let mut draws = Draws::new(what.seed);
         let unknowns = self.geometry.unknowns();
-        let held = structure.held.iter();
+        let largest = self.largest_efforts(&start, what.poses);
+        let held = structure.held.iter().zip(&largest);
         let errors: Vec<f64> = held
-            .map(|held| {
+            .map(|(held, largest)| {
                 let error = what.errors * draws.normal();
-                if *held { 0.0 } else { error }
+                match largest {
+                    _ if *held => 0.0,
+                    // joints yield, and never the other way
+                    Some(effort) if *effort > 0.0 => error.abs() / effort,
+                    Some(_) => 0.0,
+                    None => error,
+                }
             })
             .collect();
         let values = unknowns.iter().zip(&errors);
@@ -119,9 +148,12 @@ impl Problem<'_> {
                 Some(values)
             });
             let values = sensors.collect();
-            let readings = self.measured.iter().zip(self.noise_of_readings);
+            let Some(readings) = self.readings(&scalars, &state) else {
+                continue;
+            };
+            let readings = readings.iter().zip(self.noise_of_readings);
             let readings =
-                readings.map(|(c, noise)| state[*c] + noise.unwrap_or(0.0) * draws.normal());
+                readings.map(|(reading, noise)| reading + noise.unwrap_or(0.0) * draws.normal());
             poses.push(Pose {
                 row: poses.len() as u64 + 2,
                 readings: readings.collect(),

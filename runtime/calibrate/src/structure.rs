@@ -156,11 +156,13 @@ impl Problem<'_> {
     pub(crate) fn noiseless(&self, scalars: &[f64], states: &[Vec<f64>]) -> Vec<Pose> {
         let placed = Placed::new(self.kinematics, scalars);
         let poses = states.iter().map(|q| {
+            let readings = self.readings(scalars, q);
             let frames = placed.at(q, None).frames(|frame| self.is_seen(frame));
             let sensors = self.sensors.iter();
             Pose {
                 row: 0,
-                readings: self.measured.iter().map(|c| q[*c]).collect(),
+                // no joint of the description yields
+                readings: readings.unwrap_or_default(),
                 values: sensors
                     .map(|sensor| Some(sensor.predict(&frames, &self.kinematics.gravity)))
                     .collect(),
@@ -178,7 +180,18 @@ impl Problem<'_> {
         let Some(tolerance) = self.tolerance else {
             return Ok(None);
         };
-        let combined = structure.combinations(found, self.freedoms()) * tolerance;
+        let mut combined = structure.combinations(found, self.freedoms());
+        for (unknown, mut column) in self
+            .geometry
+            .unknowns()
+            .iter()
+            .zip(combined.column_iter_mut())
+        {
+            // how stiff a joint is has nothing to do with how well it was made: 1 is next to nothing known
+            if !unknown.unit.is_compliance() {
+                column *= tolerance;
+            }
+        }
         let covariance = &combined * combined.transpose();
         let inverse = covariance.cholesky().map(|factor| factor.inverse());
         inverse.map(Some).ok_or(CalibrateError::NotClosed)

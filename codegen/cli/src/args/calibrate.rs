@@ -18,8 +18,10 @@ measurements too, and alone they calibrate a loop that has them.
 Every placement of a joint, a cut and an observed frame has six errors: alpha,
 a, theta, d and beta and b about and along y (Hayati) where a
 Denavit-Hartenberg row states it, x, y, z, rx, ry and rz at its end elsewhere.
---unknown chooses among them, the names of `geometry`, and q3.scale: what the
-reading of q3 is multiplied by, the ratio of a gear or the scale of an encoder.
+--unknown chooses among them, the names of `geometry`, q3.scale: what the
+reading of q3 is multiplied by, the ratio of a gear or the scale of an encoder,
+and q3.compliance: how far q3 yields to the effort that holds the robot, which
+follows from the values of SPEC. A * stands for any part of a name without dots.
 Errors that cannot be told apart are found as one: the table says which of them
 stand for others, and why others stay at their nominal values. Where instruments
 stand is found too. --geometry writes names of `geometry` in their places,
@@ -34,6 +36,7 @@ Examples:
   regen calibrate arm.yaml poses.yaml
   regen calibrate arm.yaml poses.yaml --simulate poses.csv --poses 60
   regen calibrate delta.yaml probe.yaml --unknown a,b,q1.theta
+  regen calibrate arm.yaml poses.yaml --unknown 'q*,q*.compliance'
   regen calibrate delta.yaml probe.yaml --unknown a,b --geometry new.yaml")]
 pub(crate) struct CalibrateArgs {
     /// The robot's spec
@@ -63,7 +66,7 @@ pub(crate) struct CalibrateArgs {
     /// The number of simulated poses
     #[arg(long, value_name = "N", default_value_t = 60, requires = "simulate", value_parser = count::<1, 100_000>)]
     pub(crate) poses: usize,
-    /// The deviation of the simulated errors, rad and m
+    /// The deviation of the simulated errors, rad and m; of compliances, of what the largest effort does
     #[arg(
         long,
         value_name = "SIZE",

@@ -100,7 +100,7 @@ pub struct MeasuredFit {
 pub struct FoundNumber {
     /// Its name.
     pub name: String,
-    /// rad, m, or nothing.
+    /// rad, m, rad/(N m), m/N, or nothing.
     pub unit: &'static str,
     /// The value of the description.
     pub nominal: f64,
@@ -312,6 +312,8 @@ fn unit(unit: Unit) -> &'static str {
     match unit {
         Unit::Angle => "rad",
         Unit::Length => "m",
+        Unit::AngleByEffort => "rad/(N m)",
+        Unit::LengthByEffort => "m/N",
         Unit::Plain => "",
     }
 }
@@ -355,8 +357,8 @@ fn term(name: &str, factor: f64, exact: Option<&str>) -> String {
         None => format!("{sign} {} {name}", figure_of(4, factor.abs())),
         Some(("1", _)) => format!("{sign} {name}"),
         Some((_, Some(("1", below)))) => format!("{sign} {name}/{below}"),
-        Some((size, Some(_))) => format!("{sign} ({size}) {name}"),
-        Some((size, None)) => format!("{sign} {size} {name}"),
+        Some((size, Some(_))) if !size.starts_with('(') => format!("{sign} ({size}) {name}"),
+        Some((size, _)) => format!("{sign} {size} {name}"),
     }
 }
 
