@@ -81,7 +81,7 @@ fn by_differences(problem: &Problem<'_>, held: &[bool], draws: &mut Draws) -> DM
         }
         out
     };
-    let step = 1e-4;
+    let step = 2e-5;
     let mut columns = Vec::new();
     for (k, _) in held.iter().enumerate().filter(|(_, held)| !**held) {
         // central differences of fourth order, whose error is far below what counts

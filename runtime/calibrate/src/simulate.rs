@@ -5,7 +5,7 @@ use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
 use crate::equations::{Pose, Problem};
 use crate::fit::CalibrateError;
 use crate::placed::Placed;
-use crate::sensor::Kind;
+use crate::sensor::{Kind, Sensor};
 use crate::structure::{Reached, Structure};
 
 /// What is simulated.
@@ -72,7 +72,7 @@ impl Problem<'_> {
     }
 
     /// Poses of a mechanism with errors, measured with noise, and the true values of the unknowns.
-    /// Only what such measurements can tell has errors, so that estimates can be compared with it.
+    /// These are what a fit without noise finds, since errors that cannot be told apart are found as one.
     ///
     /// # Errors
     /// When the readings do not determine states of the mechanism, or its loops do not close.
@@ -102,9 +102,9 @@ impl Problem<'_> {
         let combined = combined * DVector::from_vec(errors);
         let kept = structure.selection.kept.iter();
         let kept = kept.filter_map(|c| unknowns.get(c.checked_sub(freedoms)?));
-        let truth: Vec<f64> = kept
+        let linear: Vec<(&str, f64)> = kept
             .zip(combined.iter())
-            .map(|(own, error)| own.nominal + error)
+            .map(|(own, error)| (own.name.as_str(), own.nominal + error))
             .collect();
         let scalars = self
             .geometry
@@ -112,6 +112,7 @@ impl Problem<'_> {
             .ok_or(CalibrateError::NotClosed)?;
         let placed = Placed::new(self.kinematics, &scalars);
         let mut poses = Vec::new();
+        let mut states = Vec::new();
         // states of the description are states of the mechanism after a small motion
         for state in self.drawn_states(&start, 2 * what.poses, &mut draws) {
             let Some(state) = placed.close(&start.split, state) else {
@@ -154,6 +155,7 @@ impl Problem<'_> {
             let readings = readings.iter().zip(self.noise_of_readings);
             let readings =
                 readings.map(|(reading, noise)| reading + noise.unwrap_or(0.0) * draws.normal());
+            states.push(state);
             poses.push(Pose {
                 row: poses.len() as u64 + 2,
                 readings: readings.collect(),
@@ -163,6 +165,40 @@ impl Problem<'_> {
         if poses.len() < what.poses {
             return Err(CalibrateError::NotClosed);
         }
-        Ok((truth, poses))
+        let clean = self.noiseless(&scalars, &states);
+        Ok((self.found_without_noise(&clean, &linear, what.noise), poses))
+    }
+
+    /// The values that poses without noise lead to, those of the linear equations where they do not determine
+    /// them.
+    ///
+    /// - `linear`: the names of what is found, with values by the derivatives at the description.
+    fn found_without_noise(
+        &self,
+        poses: &[Pose],
+        linear: &[(&str, f64)],
+        noise: [f64; 2],
+    ) -> Vec<f64> {
+        let sensors = self.sensors.iter().map(|sensor| Sensor {
+            noise: sensor.noise.or(Some(noise[0])),
+            noise_of_angles: sensor.noise_of_angles.or(Some(noise[1])),
+            ..sensor.clone()
+        });
+        let problem = Problem {
+            sensors: &sensors.collect::<Vec<_>>(),
+            noise_of_readings: &vec![Some(noise[1]); self.measured.len()],
+            tolerance: None,
+            poses,
+            ..*self
+        };
+        let fit = problem.calibrate(0.95).ok().filter(|fit| fit.converged);
+        let found = |name: &str| {
+            let mut estimates = fit.as_ref()?.estimates.iter();
+            Some(estimates.find(|own| own.name == name)?.value)
+        };
+        let values = linear.iter();
+        values
+            .map(|(name, value)| found(name).unwrap_or(*value))
+            .collect()
     }
 }
