@@ -29,6 +29,9 @@ use crate::{load, mistakes, table, terminal, write};
 const OTHER_FILE: &str = "an experiment file with the key `calibrate`; `regen schema experiment` \
                           describes it";
 
+/// The angle beyond which rotations are not given in rad: a little more than a turn.
+const LARGEST_ANGLE: f64 = 6.5;
+
 /// Runs the command.
 pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let confidence = args.confidence.unwrap_or(0.95);
@@ -95,6 +98,11 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         let fit = problem.calibrate(confidence).map_err(failed)?;
         let mut found = Calibrated::of_fit(&robot.name, &problem, &fit, confidence);
         found.doubts.clone_from(&doubts);
+        // a cause says more than what it does
+        if doubts.is_empty() {
+            let doubts = problem.doubts_about(&fit);
+            found.doubts = doubts.iter().map(ToString::to_string).collect();
+        }
         found.set_exact(described.exact_factors(&problem, &fit.fixed));
         page = match &args.report {
             Some(out) => Some((out, regen_report::calibrated(&found, &problem, &fit)?)),
@@ -570,6 +578,16 @@ impl<'p> Layout<'p> {
                     _ => 1.0,
                 };
                 let own: Vec<f64> = own.iter().map(|x| x * factor).collect();
+                let is_angle = matches!(convention, Convention::Rpy | Convention::Vector);
+                if is_angle && own.iter().any(|x| x.abs() > LARGEST_ANGLE) {
+                    let columns = measured
+                        .rotation
+                        .as_ref()
+                        .map_or(String::new(), |(_, c)| c.join(", "));
+                    return Err(format!(
+                        "the columns {columns} are angles beyond a turn: give the measurement `angles: deg`"
+                    ));
+                }
                 if own.iter().all(|x| x.is_finite()) {
                     let matrix = convention.matrix(&own).ok_or_else(|| {
                         format!(

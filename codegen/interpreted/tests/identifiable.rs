@@ -51,6 +51,14 @@ fn by_differences(problem: &Problem<'_>, held: &[bool], draws: &mut Draws) -> DM
     let nominal: Vec<f64> = unknowns.iter().map(|own| own.nominal).collect();
     let scalars = problem.geometry.scalars(&nominal).unwrap();
     let split = kinematics.split(&scalars, problem.measured).unwrap();
+    let condition = |q: &[f64]| {
+        if split.dependent.is_empty() {
+            return 1.0;
+        }
+        let a = kinematics.closure(&scalars, q).by_coordinate;
+        let singular = a.select_columns(&split.dependent).singular_values();
+        singular.iter().copied().fold(1.0, f64::min)
+    };
     let mut states = Vec::new();
     let mut part = 1.0;
     while states.len() < 30 {
@@ -61,7 +69,9 @@ fn by_differences(problem: &Problem<'_>, held: &[bool], draws: &mut Draws) -> DM
         });
         let target: Vec<f64> = target.collect();
         match kinematics.reach(&scalars, &split, home, &target) {
-            Some(state) => states.push(state),
+            // near singularities differences are none of a smooth function
+            Some(state) if condition(&state) > 0.2 * condition(home) => states.push(state),
+            Some(_) => {}
             None => part *= 0.9,
         }
     }

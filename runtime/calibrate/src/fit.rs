@@ -158,7 +158,10 @@ impl core::fmt::Display for CalibrateError {
                 f.write_str("nothing of the unknown geometry changes what is measured")
             }
             Self::NotClosed => f.write_str("the loops do not close with the nominal geometry"),
-            Self::NoFit => f.write_str("no geometry near the description fits the measurements"),
+            Self::NoFit => f.write_str(
+                "no geometry near the description fits the measurements: look at the units and signs, at what \
+                 is unknown, and whether each row is one pose",
+            ),
         }
     }
 }

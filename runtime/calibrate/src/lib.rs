@@ -85,6 +85,7 @@ mod sensor;
 mod simulate;
 mod structure;
 mod suspect;
+mod tried;
 
 pub use choose::{Choice, Chosen, Design, Observability};
 pub use closure::{Closure, Split};

@@ -552,7 +552,7 @@ class CalibrateOptions(TypedDict, total=False):
     geometry: Value | None
     #: The folder of the logs in FILE [default: that of FILE]
     logs: Value | None
-    #: The deviation of the simulated errors, rad and m
+    #: The deviation of the simulated errors, rad and m; of compliances, of what the largest effort does
     perturb: Value | None
     #: The number of simulated poses
     poses: Value | None

@@ -16,7 +16,7 @@ pub(super) static CALIBRATION: Record = record(
         optional(
             "unknown",
             Shape::List(&FRAME, None),
-            "What is unknown: names of `geometry`, errors such as q3.alpha or tool.x, or what such names begin with before the dot; every error of a placement if missing",
+            "What is unknown: names of `geometry`, errors such as q3.alpha or tool.x, or what such names begin with before the dot; scales and compliances of joints such as q3.scale and q3.compliance only where they are named; * stands for any part without a dot; every error of a placement if missing",
         ),
         optional(
             "noise",
