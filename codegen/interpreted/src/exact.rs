@@ -12,7 +12,7 @@ const CLOSE: f64 = 1e-6;
 const EXACT: f64 = 1e-7;
 /// The largest numbers of such ratios: few enough that no other number is one by chance.
 const LARGEST_BELOW: u32 = 12;
-const LARGEST_ABOVE: f64 = 144.0;
+const LARGEST_ABOVE: u32 = 144;
 /// How two other geometries change the lengths: by thousandths that go on by the first number from the
 /// second, and around at 61.
 const CHANGES: [(i64, i64); 2] = [(37, 5), (23, 17)];
@@ -75,9 +75,10 @@ impl Surd {
     fn of(number: f64) -> Option<Self> {
         let square = number * number;
         let found = (1..=LARGEST_BELOW).find_map(|below| {
-            let above = libm::round(square * f64::from(below));
-            let is_close = (square * f64::from(below) - above).abs() <= EXACT * above;
-            ((1.0..=LARGEST_ABOVE).contains(&above) && is_close).then_some((above as u32, below))
+            let own = square * f64::from(below);
+            let mut all = 1..=LARGEST_ABOVE;
+            let above = all.find(|above| (own - f64::from(*above)).abs() <= EXACT * own);
+            above.map(|above| (above, below))
         });
         let (above, below) = found?;
         // sqrt(p / q) = sqrt(p q) / q, and squares leave the root

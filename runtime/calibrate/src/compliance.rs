@@ -79,10 +79,12 @@ impl Problem<'_> {
     }
 
     /// How far joints yield at a state.
-    pub(crate) fn yielding(&self, scalars: &[f64], q: &[f64]) -> Option<Option<Yielding>> {
-        let Some(efforts) = self.efforts else {
-            return Some(None);
-        };
+    pub(crate) fn yielding(
+        &self,
+        efforts: &dyn Efforts,
+        scalars: &[f64],
+        q: &[f64],
+    ) -> Option<Yielding> {
         let n = q.len();
         let mut out = Yielding {
             efforts: efforts.at(q)?,
@@ -105,6 +107,6 @@ impl Problem<'_> {
                 }
             }
         }
-        Some(Some(out))
+        Some(out)
     }
 }

@@ -233,7 +233,10 @@ impl Problem<'_> {
         }
         let rows = residual.len();
         // below the residuals, how far driving joints yield
-        let yielding = self.yielding(placed.scalars, q)?;
+        let yielding = match self.efforts {
+            Some(efforts) => Some(self.yielding(efforts, placed.scalars, q)?),
+            None => None,
+        };
         let below = yielding.as_ref().map_or(0, |_| split.driving.len());
         let mut by_coordinate = DMatrix::zeros(rows + below, coordinates);
         let mut by_scalar = DMatrix::zeros(rows + below, kinematics.scalars);

@@ -142,6 +142,9 @@ impl Problem<'_> {
     }
 }
 
+/// A change of the readings of a pose.
+type Change<'c> = Box<dyn Fn(&mut [f64]) + 'c>;
+
 /// Some of the poses, with the nominal geometry.
 struct Tried<'a> {
     problem: Problem<'a>,
@@ -182,14 +185,14 @@ impl Sight {
             let arm = spread(&seen.iter().map(|s| s.expected).collect::<Vec<_>>());
             sum += libm::hypot(own.length, arm * own.angle);
         }
-        Some(sum + self.numbers_off(self.numbers.len()))
+        Some(sum + self.numbers_off(self.numbers.len() as f64))
     }
 
     /// The rms of what numbers are off, if there are so many in the end and others fit.
-    fn numbers_off(&self, count: usize) -> f64 {
+    fn numbers_off(&self, count: f64) -> f64 {
         let squares = self.numbers.iter();
         let squares = squares.map(|own| (own.expected - own.measured).powi(2));
-        libm::sqrt(squares.sum::<f64>() / count.max(1) as f64)
+        libm::sqrt(squares.sum::<f64>() / count.max(1.0))
     }
 
     /// The least that [`Self::total`] is with so many more poses, wherever instruments are then.
@@ -198,7 +201,7 @@ impl Sight {
         let points = self.points.iter();
         let points = points.filter_map(|seen| Some(misfit(seen, 1.0)?.length * libm::sqrt(part)));
         let count = self.numbers.len() as f64 / part;
-        points.sum::<f64>() + self.numbers_off(count as usize + 1)
+        points.sum::<f64>() + self.numbers_off(count)
     }
 }
 
@@ -294,7 +297,7 @@ impl Tried<'_> {
     fn best<'c>(
         &self,
         plain: Option<f64>,
-        changes: impl Iterator<Item = (Box<dyn Fn(&mut [f64]) + 'c>, Doubt)>,
+        changes: impl Iterator<Item = (Change<'c>, Doubt)>,
     ) -> Option<Doubt> {
         let mut best: Option<Doubt> = None;
         let mut bound = BETTER * plain.unwrap_or_else(|| self.size());
@@ -331,7 +334,7 @@ impl Tried<'_> {
 
     /// Whether the readings of angles have another unit.
     fn other_units(&self, plain: Option<f64>) -> Option<Doubt> {
-        let scaled = |factor: f64| -> Box<dyn Fn(&mut [f64]) + '_> {
+        let scaled = |factor: f64| -> Change<'_> {
             Box::new(move |readings: &mut [f64]| {
                 for (reading, c) in readings.iter_mut().zip(self.problem.measured) {
                     if self.problem.turns(*c) {
@@ -357,7 +360,7 @@ impl Tried<'_> {
     fn doubt_about_readings(&self, plain: Option<f64>) -> Option<Doubt> {
         let problem = &self.problem;
         let name = |k: usize| problem.kinematics.coordinates[problem.measured[k]].clone();
-        let mut changes: Vec<(Box<dyn Fn(&mut [f64])>, Doubt)> = Vec::new();
+        let mut changes: Vec<(Change<'_>, Doubt)> = Vec::new();
         for (k, c) in problem.measured.iter().enumerate() {
             let doubt = Doubt::Sign {
                 coordinate: name(k),
