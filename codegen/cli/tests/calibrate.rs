@@ -227,7 +227,7 @@ fn mistakes_are_told_of_wires_directions_encoders_and_angles_too() {
             "fivebar",
             "",
             [encoders; 2],
-            &|row| row[1] += 1.570_796,
+            &|row| row[1] += std::f64::consts::FRAC_PI_2,
             "`offset: deg(-90)`",
         ),
         (

@@ -66,7 +66,7 @@ pub enum Doubt {
     },
     /// A fit leaves so much that the measurements are no noisy ones of such a mechanism.
     Misfit {
-        /// The rms of its residuals, rad, or as a part of what is measured of lengths.
+        /// The rms of its residuals, rad, or as a part of the spread of positions or of a distance.
         rest: f64,
         /// Whether these are angles.
         angles: bool,
@@ -186,7 +186,7 @@ impl fmt::Display for Doubt {
                 let size = if *angles {
                     format!("{:.0} degrees", rest.to_degrees())
                 } else {
-                    format!("{:.0} % of how far they vary", 100.0 * rest)
+                    format!("{:.0} % of the size of what is measured", 100.0 * rest)
                 };
                 write!(
                     f,

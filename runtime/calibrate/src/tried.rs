@@ -17,7 +17,7 @@ const BETTER: f64 = 0.25;
 const POSES: usize = 24;
 /// The numbers of poses after which a change is given up that leaves too much already.
 const LOOKS: [usize; 2] = [5, 10];
-/// A fit that leaves more than this, rad or a part of what lengths vary by, is none.
+/// A fit that leaves more than this, rad or a part of the spread of positions or of a distance, is none.
 const BAD: f64 = 0.02;
 /// Zeros that controllers have, degrees from those of descriptions.
 const ZEROS: [i32; 3] = [-90, 90, 180];
@@ -112,12 +112,20 @@ impl Problem<'_> {
             let (size, angles) = match group.group {
                 Group::Angles(_) | Group::ReadAngles => (1.0, true),
                 Group::Lengths(sensor) => {
+                    let kind = self.sensors.get(sensor).map(|own| own.kind);
                     let values = self.poses.iter().filter_map(|pose| pose.values.get(sensor));
                     let points = values.flatten().map(|own| match own[..] {
                         [.., x, y, z] => Vector3::new(x, y, z),
                         _ => Vector3::new(own.first().copied().unwrap_or(0.0), 0.0, 0.0),
                     });
-                    (spread(&points.collect::<Vec<_>>()), false)
+                    let points: Vec<Vector3<f64>> = points.collect();
+                    // ball bars have one length, and what touches a plane none
+                    let size = match kind {
+                        Some(Kind::Distance) => points.iter().map(|own| own.x).fold(0.0, f64::max),
+                        Some(Kind::Plane) | None => continue,
+                        Some(_) => spread(&points),
+                    };
+                    (size, false)
                 }
                 Group::ReadLengths => continue,
             };
