@@ -507,6 +507,8 @@ impl Blocks {
         let root = if let Some(mut shrunk) = shrunk {
             if growth.is_finite() {
                 let independent = bread.rows as f64 * self.independent_part - k as f64;
+                // a variance with these degrees of freedom is known to this part of its square
+                let independent = independent.min(2.0 / self.noise_unknown);
                 shrunk.keep_what_is_beyond_chance(&covariance, &degrees_of_freedom);
                 for own in &mut degrees_of_freedom {
                     *own = shrunk.degrees_of_freedom(*own).min(independent).max(*own);

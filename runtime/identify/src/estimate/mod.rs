@@ -6,6 +6,7 @@
 
 mod cosine_sums;
 mod deviations;
+mod effort_noise;
 mod error;
 mod factor;
 pub(crate) mod huber;
@@ -21,6 +22,7 @@ mod spectrum;
 
 pub(crate) use deviations::SAMPLING;
 pub use deviations::{Between, Deviations};
+pub(crate) use effort_noise::{EffortNoise, FilteredNoise, NoiseResiduals, Thinning};
 pub use error::EstimateError;
 pub use factor::QrFactor;
 pub(crate) use noise::cholesky;

@@ -8,10 +8,14 @@ use serde::{Deserialize, Serialize};
 use super::factor::size;
 use super::products::OuterProducts;
 use super::solution::inverse_gram;
-use super::{Autoregression, EstimateError, QrFactor};
+use super::{Autoregression, EstimateError, FilteredNoise, QrFactor, Thinning};
 
 /// The largest number of blocks of time; when there would be more, neighbours are merged.
 pub const BLOCKS: usize = 128;
+
+/// The variance of the level of a fitted autoregression at low frequencies, as a part of its square, for one coefficient
+/// and one sample (Berk, 1974).
+const FITTED_VARIANCE: f64 = 4.0;
 
 /// The largest number of stretches of a log, between runs or gaps, that are told apart.
 const MAX_STRETCHES: usize = 64;
@@ -68,6 +72,10 @@ pub struct Blocks {
     /// The part of its samples that an effort has independent ones of, the mean of all efforts.
     #[serde(default)]
     pub(super) independent_part: f64,
+    /// The variance of the level of the noise at low frequencies, as a part of its square, that fitted
+    /// autoregressions have; 0 where it is white, or white behind a known filter.
+    #[serde(default)]
+    pub(super) noise_unknown: f64,
     /// The numbers of samples before each stretch of the log, that of the first one too; none where there
     /// are more than [`MAX_STRETCHES`].
     #[serde(default)]
@@ -166,6 +174,7 @@ impl PendingSample {
 pub struct Scores {
     n: usize,
     noise: Vec<Autoregression>,
+    thinning: Thinning,
     order: usize,
     /// The look-ahead buffer, the oldest sample first.
     waiting: VecDeque<PendingSample>,
@@ -197,6 +206,7 @@ impl Scores {
             n: parameters,
             order: orders.max().unwrap_or(0),
             noise: noise.to_vec(),
+            thinning: FilteredNoise::unfiltered().thinning(),
             waiting: VecDeque::new(),
             spare: Vec::new(),
             past: vec![VecDeque::new(); noise.len()],
@@ -212,9 +222,16 @@ impl Scores {
         }
     }
 
+    /// The same from some of the samples, which stand for all.
+    #[must_use]
+    pub(super) fn thinned(self, thinning: Thinning) -> Self {
+        Self { thinning, ..self }
+    }
+
     /// The same for a known number of samples, whose blocks need not be merged.
     #[must_use]
     pub(crate) fn of_samples(mut self, samples: usize) -> Self {
+        let samples = samples.div_ceil(self.thinning.every());
         self.length = samples.div_ceil(BLOCKS).max(1).next_power_of_two();
         self
     }
@@ -240,6 +257,10 @@ impl Scores {
         size("weights", efforts, weights.len())?;
         size("psi", efforts, psi.len())?;
         size("slopes", efforts, slopes.len())?;
+        if !self.thinning.takes_next() {
+            return Ok(());
+        }
+        let scale = self.thinning.weight();
         let mut next = self.spare.pop().unwrap_or_default();
         next.w.clear();
         next.v.clear();
@@ -249,7 +270,8 @@ impl Scores {
             .any(|slope| slope.to_bits() != 1.0_f64.to_bits());
         for (effort, (weight, slope)) in weights.iter().zip(slopes).enumerate() {
             let columns = w.chunks_exact(efforts);
-            next.w.extend(columns.map(|column| column[effort] * weight));
+            let scaled = weight * scale;
+            next.w.extend(columns.map(|column| column[effort] * scaled));
             if sloped {
                 let start = effort * self.n;
                 let own = next.w.get(start..).unwrap_or_default();
@@ -278,12 +300,17 @@ impl Scores {
         size("w", efforts * self.n, w.len())?;
         size("weights", efforts, weights.len())?;
         size("psi", efforts, psi.len())?;
+        if !self.thinning.takes_next() {
+            return Ok(());
+        }
+        let scale = self.thinning.weight();
         let mut next = self.spare.pop().unwrap_or_default();
         for (columns, rows) in [(z, &mut next.w), (w, &mut next.v)] {
             rows.clear();
             for (effort, weight) in weights.iter().enumerate() {
                 let columns = columns.chunks_exact(efforts);
-                rows.extend(columns.map(|column| column[effort] * weight));
+                let scaled = weight * scale;
+                rows.extend(columns.map(|column| column[effort] * scaled));
             }
         }
         self.push_pending(next, weights, psi);
@@ -294,8 +321,9 @@ impl Scores {
     fn push_pending(&mut self, mut next: PendingSample, weights: &[f64], psi: &[f64]) {
         next.psi.clear();
         let used = psi.iter().zip(weights);
-        next.psi
-            .extend(used.map(|(x, weight)| if *weight == 0.0 { 0.0 } else { *x }));
+        let scale = self.thinning.weight();
+        let of_used = |(x, weight): (&f64, &f64)| if *weight == 0.0 { 0.0 } else { x * scale };
+        next.psi.extend(used.map(of_used));
         self.waiting.push_back(next);
         if self.waiting.len() > self.order {
             self.process_oldest();
@@ -304,6 +332,7 @@ impl Scores {
 
     /// Ends the run: the next sample does not follow the last one in time.
     pub fn interrupt(&mut self) {
+        self.thinning.interrupt();
         while !self.waiting.is_empty() {
             self.process_oldest();
         }
@@ -409,7 +438,9 @@ impl Scores {
         while self.current.samples > 0 {
             self.end_block();
         }
+        let every = self.thinning.every();
         let memory = self.noise.iter().map(Autoregression::correlation_length);
+        let memory = memory.map(|length| every as f64 * length);
         let parts = memory.clone().map(|length| 1.0 / length.max(1.0));
         let efforts = self.noise.len().max(1) as f64;
         // the end is no start, and that of the first stretch may not have been told
@@ -421,12 +452,22 @@ impl Scores {
         if starts.len() > MAX_STRETCHES {
             starts.clear();
         }
+        let fitted = self.noise.iter().map(|noise| noise.fitted as f64);
+        let noise_unknown = FITTED_VARIANCE * fitted.sum::<f64>() / efforts;
+        for start in &mut starts {
+            *start *= every;
+        }
+        let mut blocks = self.blocks;
+        for block in &mut blocks {
+            block.samples *= every;
+        }
         Ok(Blocks {
             starts,
             independent_part: parts.sum::<f64>() / efforts,
+            noise_unknown: noise_unknown / self.processed.max(1) as f64,
             parameters: self.n,
             values: values.to_vec(),
-            blocks: self.blocks,
+            blocks,
             memory: memory.fold(1.0, f64::max),
             changes: Vec::new(),
         })

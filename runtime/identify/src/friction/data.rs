@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::columns::FrictionColumns;
 use super::reduced::{Linearised, Reduced};
-use crate::estimate::{EstimateError, QrFactor};
+use crate::estimate::{EstimateError, FilteredNoise, QrFactor};
 use crate::feasibility::FeasibilityError;
 use crate::identify::normalise;
 use crate::signals::SignalError;
@@ -368,6 +368,18 @@ impl FrictionData {
     /// The joints with nonlinear friction.
     pub fn joints(&self) -> &[FrictionJoint] {
         &self.joints
+    }
+
+    /// What the filter makes of white noise of the efforts.
+    pub(super) fn filtered_noise(&self) -> FilteredNoise {
+        let spacing = self.runs.iter().find_map(|run| {
+            let times = run.averages();
+            let first = times.get(*run.equations.first()?)?;
+            let last = times.get(*run.equations.last()?)?;
+            let count = run.equations.len() - 1;
+            (count > 0).then(|| (last - first) / count as f64)
+        });
+        spacing.map_or_else(FilteredNoise::unfiltered, |own| self.filtering.noise(own))
     }
 
     /// The number of samples that have equations.

@@ -4,8 +4,7 @@ use super::FrictionData;
 use super::columns::FrictionColumns;
 use super::data::Rows;
 use crate::estimate::{
-    Autoregression, Blocks, Deviations, EstimateError, ORDER, QrFactor, Residuals, Scores,
-    changed_by,
+    Blocks, Deviations, EffortNoise, EstimateError, NoiseResiduals, QrFactor, changed_by,
 };
 use crate::qr_update::substitute;
 
@@ -41,24 +40,22 @@ impl FittedColumns<'_> {
     }
 
     /// The model of each effort's noise.
-    fn noise(&self) -> Result<Vec<Autoregression>, EstimateError> {
+    fn noise(&self) -> Result<EffortNoise, EstimateError> {
         let dof = self.data.dof();
-        let names: Vec<String> = (0..dof).map(|k| format!("{k}")).collect();
-        let none = vec![0.0; dof];
-        let mut residuals = Residuals::new(&names, &none, ORDER);
+        let mut residuals = NoiseResiduals::new(dof, self.data.filtered_noise());
         self.visit(&mut |rows, left, used| {
             if !rows.follows {
                 residuals.interrupt();
             }
             let used: Vec<bool> = used.iter().map(|x| *x > 0.0).collect();
-            residuals.push_used(left, &none, &used)
+            residuals.push(left, &used)
         })?;
-        Ok(residuals.autoregressions())
+        Ok(residuals.noise())
     }
 
     /// The scores of the fitted columns.
     fn blocks(&self) -> Result<Blocks, EstimateError> {
-        let mut scores = Scores::new(self.values.len(), &self.noise()?);
+        let mut scores = self.noise()?.scores(self.values.len());
         let ones = vec![1.0; self.data.dof()];
         self.visit(&mut |rows, left, used| {
             if !rows.follows {
@@ -85,7 +82,7 @@ impl FittedColumns<'_> {
             let unit = &identity[k * n..(k + 1) * n];
             inverse.push(substitute(factor.r(), unit).ok_or(EstimateError::NoConvergence)?);
         }
-        let mut scores = Scores::new(n, &self.noise()?);
+        let mut scores = self.noise()?.scores(n);
         let ones = vec![1.0; dof];
         let mut orthonormal = vec![0.0; n * dof];
         self.visit(&mut |rows, left, used| {

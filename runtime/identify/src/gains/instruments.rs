@@ -16,7 +16,7 @@ use super::statistics::Solved;
 use super::unknowns::Unknowns;
 use super::{CarriedRun, GainError, GainFit, GainOptions, Plan, origin};
 use crate::data::DataError;
-use crate::estimate::{EstimateError, Origin};
+use crate::estimate::{EstimateError, FilteredNoise, Origin};
 use crate::identify::{
     ChangedParameters, Equations, HeldEfforts, InstrumentOptions, Instrumental,
     InstrumentedEquations, instrumental_of,
@@ -223,6 +223,10 @@ where
         self.linear = self.linear.moved(values);
         self.is_first = false;
         true
+    }
+
+    fn filtered_noise(&self) -> FilteredNoise {
+        self.rows.filtered_noise()
     }
 
     fn changed(

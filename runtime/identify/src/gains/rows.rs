@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 use super::{CarriedRun, GainError};
 use crate::data::DataError;
-use crate::estimate::EstimateError;
+use crate::estimate::{EstimateError, FilteredNoise};
 use crate::identify::{Columns, EquationKind, InstrumentRegressor, LeftOut, NoColumns, Replay};
 use crate::states::{ChangedEfforts, MotionSeries, Source, StateSample};
 use regen_runtime::{BaseModel, Status};
@@ -281,6 +281,17 @@ where
             passed.map_err(|why| GainError::Data(why.into()))?;
         }
         Ok(())
+    }
+
+    /// What the filter makes of white noise of the efforts; where it differs between the runs it counts as unknown.
+    pub(super) fn filtered_noise(&self) -> FilteredNoise {
+        let mut all = self.runs.iter().map(|(replay, _)| replay.filtered_noise());
+        let first = all.next().unwrap_or_else(FilteredNoise::unfiltered);
+        if all.all(|own| own.is_as(&first)) {
+            first
+        } else {
+            FilteredNoise::unfiltered()
+        }
     }
 
     /// The numbers of rows and samples that the last pass left out.

@@ -13,8 +13,8 @@ use super::{GainError, GainFit, GainOptions, Plan, in_si};
 use crate::data::DataError;
 use crate::estimate::huber::PsiSums;
 use crate::estimate::{
-    Autoregression, Blocks, Deviations, Estimate, EstimateError, FactorSet, ORDER, QrFactor,
-    Residuals, Scores,
+    Blocks, Deviations, EffortNoise, Estimate, EstimateError, FactorSet, NoiseResiduals, QrFactor,
+    Residuals,
 };
 use crate::identify::{ChangedParameters, HeldEfforts, Instrumental, LeftOut};
 use crate::qr_update::substitute;
@@ -224,7 +224,7 @@ impl Solved<'_> {
         linear: &Linear<'_>,
         rows: &mut Rows<'_, M, S>,
         gains: &[f64],
-    ) -> Result<(Residuals, Vec<Autoregression>), GainError>
+    ) -> Result<(Residuals, EffortNoise), GainError>
     where
         M: BaseModel<f64> + ?Sized,
         S: Source + ?Sized,
@@ -234,8 +234,7 @@ impl Solved<'_> {
         let means = self.plain.means();
         let means: Vec<f64> = means.iter().zip(gains).map(|(m, k)| m * k).collect();
         let mut errors = Residuals::new(&names, &means, self.options.lags);
-        let zeros = vec![0.0; names.len()];
-        let mut noise = Residuals::new(&names, &zeros, ORDER);
+        let mut noise = NoiseResiduals::new(names.len(), rows.filtered_noise());
         let (mut out, mut fitted) = (Vec::new(), Vec::new());
         rows.visit(&mut |sample| {
             if !sample.follows {
@@ -249,10 +248,9 @@ impl Solved<'_> {
                 values.iter().zip(gains).map(|(x, k)| x * k).collect()
             };
             errors.push_used(&si(sample.measured), &si(&fitted), &used)?;
-            noise.push_used(&psi, &zeros, &used)
+            noise.push(&psi, &used)
         })?;
-        let fits = noise.autoregressions();
-        Ok((errors, fits))
+        Ok((errors, noise.noise()))
     }
 
     /// The weighted residuals of a sample, bounded by Huber's weight, and the derivatives of these by
@@ -275,7 +273,7 @@ impl Solved<'_> {
         &self,
         linear: &Linear<'_>,
         rows: &mut Rows<'_, M, S>,
-        noise: &[Autoregression],
+        noise: &EffortNoise,
         values: &[f64],
     ) -> Result<(Blocks, PsiSums), GainError>
     where
@@ -283,7 +281,7 @@ impl Solved<'_> {
         S: Source + ?Sized,
         S::Error: Into<DataError>,
     {
-        let mut scores = Scores::new(linear.columns.len(), noise);
+        let mut scores = noise.scores(linear.columns.len());
         let (mut out, mut fitted) = (Vec::new(), Vec::new());
         let mut sums = PsiSums::default();
         rows.visit(&mut |sample| {

@@ -3,7 +3,7 @@
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::stored::StoredEquations;
 use super::stream::{Columns, LeftOut, NoColumns, equations_with_friction};
-use crate::estimate::{EstimateError, Origin};
+use crate::estimate::{EstimateError, FilteredNoise, Origin};
 use crate::states::Source;
 use regen_runtime::BaseModel;
 
@@ -30,6 +30,44 @@ pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     state: State,
     stored: StoredEquations,
     left_out: LeftOut,
+    spacing: Spacing,
+}
+
+/// The time between equations that follow each other.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spacing {
+    /// The time of the last equation, s.
+    last: Option<f64>,
+    sum: f64,
+    count: usize,
+    least: f64,
+    most: f64,
+}
+
+/// Equations are evenly spaced if no two of them are so many times further apart than others.
+const MAX_UNEVEN: f64 = 1.5;
+
+impl Spacing {
+    fn push(&mut self, time: f64, follows: bool) {
+        if let (true, Some(last)) = (follows, self.last) {
+            let own = time - last;
+            self.least = if self.count == 0 {
+                own
+            } else {
+                own.min(self.least)
+            };
+            self.most = own.max(self.most);
+            self.sum += own;
+            self.count += 1;
+        }
+        self.last = Some(time);
+    }
+
+    /// Their mean, s; `None` if there are no two such equations, or they are not evenly spaced.
+    fn even(&self) -> Option<f64> {
+        let is_even = self.count > 0 && self.most <= MAX_UNEVEN * self.least;
+        is_even.then(|| self.sum / self.count as f64)
+    }
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
@@ -64,6 +102,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             state: State::Empty,
             stored: StoredEquations::default(),
             left_out: LeftOut::default(),
+            spacing: Spacing::default(),
         }
     }
 
@@ -150,6 +189,14 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         self.source
     }
 
+    /// What the filter makes of white noise of the efforts, at the equations of the last pass over the log.
+    pub(crate) fn filtered_noise(&self) -> FilteredNoise {
+        match (self.kind, self.spacing.even()) {
+            (EquationKind::Forces, Some(spacing)) => self.source.filtering().noise(spacing),
+            _ => FilteredNoise::unfiltered(),
+        }
+    }
+
     /// The samples and equations that the last pass over the log left out.
     pub(crate) fn left_out(&self) -> &LeftOut {
         &self.left_out
@@ -164,6 +211,8 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             return Ok(self.stored.visit(each)?);
         }
         let (state, stored, most) = (&mut self.state, &mut self.stored, self.most);
+        self.spacing = Spacing::default();
+        let spacing = &mut self.spacing;
         let around = self.around;
         let mut sides = Vec::new();
         self.left_out = equations_with_friction(
@@ -173,6 +222,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             self.source,
             &mut *self.columns,
             &mut |found| {
+                spacing.push(found.time, found.follows);
                 let linearised = around.map(|around| linearised(found, around, &mut sides));
                 let found = linearised.as_ref().unwrap_or(found);
                 if *state == State::Empty {

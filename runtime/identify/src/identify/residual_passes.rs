@@ -10,29 +10,30 @@ use std::collections::VecDeque;
 
 use crate::estimate::huber::PsiSums;
 use crate::estimate::{
-    Autocorrelated, Autoregression, Blocks, EffortError, Estimate, EstimateError, ORDER, QrFactor,
-    Residuals, Scores, inverse_gram,
+    Autocorrelated, Blocks, EffortError, EffortNoise, Estimate, EstimateError, NoiseResiduals,
+    QrFactor, Residuals, Thinning, inverse_gram,
 };
 use regen_runtime::BaseModel;
 
-/// The errors of an estimate, and for each effort an autoregression of its weighted residuals,
-/// which are bounded by Huber's weight.
+/// The errors of an estimate, and the noise of its efforts: that of their weighted residuals, which are
+/// bounded by Huber's weight.
 pub(super) fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
     estimate: &Estimate,
     (factor, means): (&QrFactor, &[f64]),
     mut delays: Option<&mut DelayFit<'_>>,
-) -> Result<(Residuals, Vec<Autoregression>), S::Error> {
+) -> Result<(Residuals, EffortNoise), S::Error> {
     let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
     let mut errors = Residuals::new(&names, means, options.lags);
-    let zeros = vec![0.0; names.len()];
-    let mut noise = Residuals::new(&names, &zeros, ORDER);
+    let filter = replay.filtered_noise();
+    let mut thinning = filter.thinning();
+    let mut residuals = NoiseResiduals::new(names.len(), filter);
     let mut weighted = WeightedResiduals::new(options, estimate);
     replay.visit(&mut |equations| {
         if !equations.follows {
             errors.interrupt();
-            noise.interrupt();
+            residuals.interrupt();
         }
         if equations.tau.is_empty() {
             return Ok(());
@@ -42,30 +43,20 @@ pub(super) fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         }
         weighted.compute(equations);
         errors.push_used(equations.tau, &weighted.fitted, &weighted.used)?;
-        noise.push_used(&weighted.psi, &zeros, &weighted.used)
+        residuals.push(&weighted.psi, &weighted.used)
     })?;
-    let fits = noise.autoregressions();
-    let left = noise.efforts();
-    let samples: Vec<usize> = left.iter().map(|own| own.samples).collect();
-    let memory = fits.iter().map(Autoregression::correlation_length);
-    let independent = samples.iter().sum::<usize>() as f64 / memory.fold(1.0, f64::max);
-    if (factor.columns() as f64) < MIN_TAKEN_PART * independent {
-        return Ok((errors, fits));
+    let noise = residuals.noise();
+    let rows: usize = errors.efforts().iter().map(|own| own.samples).sum();
+    if (factor.columns() as f64) < MIN_TAKEN_PART * rows as f64 / noise.memory() {
+        return Ok((errors, noise));
     }
-    let taken = taken_by_fit(replay, estimate, factor, &samples)?;
-    let pairs = left.into_iter().zip(&taken);
-    let fits = pairs.map(|(own, taken)| noise_before_fit(&own, taken));
-    Ok((errors, fits.collect()))
+    let taken = taken_by_fit(replay, estimate, factor, (&residuals, &mut thinning))?;
+    Ok((errors, residuals.noise_before_fit(&taken)))
 }
 
 /// What a fit takes from its residuals is put back where its parameters are at least this part of the
 /// independent equations.
 const MIN_TAKEN_PART: f64 = 0.02;
-/// At most so many times the spectrum of the residuals is taken for that of the noise.
-const MAX_GROWTH: f64 = 4.0;
-/// The spectrum is known if it changes by less than this part.
-const SETTLED_PART: f64 = 1e-3;
-const MAX_ROUNDS: usize = 30;
 
 /// The sums of [`taken_by_fit`] are over so many equations of each effort, at least: they are means of the motion.
 const MIN_ANCHORS: usize = 128;
@@ -73,33 +64,42 @@ const MIN_ANCHORS: usize = 128;
 /// For each effort the sums over its equations of `w(t) (W^T W)^-1 w(t + l)^T`, l = 0, 1, ...: residuals of white
 /// noise are without this part of its autocovariance. Evenly spaced equations t are taken for all.
 ///
-/// - `factor`: the R of `W^T W`; `samples`: the number of equations of each effort.
+/// - `factor`: the R of `W^T W`; `residuals`: of the equations, with those that they were taken from.
 fn taken_by_fit<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     estimate: &Estimate,
     factor: &QrFactor,
-    samples: &[usize],
+    (residuals, thinning): (&NoiseResiduals, &mut Thinning),
 ) -> Result<Vec<Vec<f64>>, S::Error> {
     struct Anchored {
         every: usize,
         count: usize,
+        lags: usize,
         /// `(W^T W)^-1 w(t)^T` of the last equations t that are taken, each with the number of later equations.
         waiting: VecDeque<(usize, Vec<f64>)>,
         sums: Vec<f64>,
     }
     let inverse = inverse_gram(factor).ok_or(EstimateError::NoConvergence)?;
     let n = factor.columns();
-    let mut efforts: Vec<Anchored> = (samples.iter())
-        .map(|samples| Anchored {
-            every: (samples / MIN_ANCHORS).max(1),
+    let mut efforts: Vec<Anchored> = (residuals.efforts().iter())
+        .map(|own| Anchored {
+            every: (own.samples / MIN_ANCHORS).max(1),
             count: 0,
+            lags: own.autocorrelation.len(),
             waiting: VecDeque::new(),
-            sums: vec![0.0; ORDER + 1],
+            sums: vec![0.0; own.autocorrelation.len() + 1],
         })
         .collect();
+    let scale = thinning.weight();
     let mut row = Vec::with_capacity(n);
     replay.visit(&mut |equations| {
         let stride = equations.tau.len();
+        if !equations.follows {
+            thinning.interrupt();
+        }
+        if stride == 0 || !thinning.takes_next() {
+            return Ok(());
+        }
         for (e, own) in efforts.iter_mut().enumerate().take(stride) {
             let weight = equations.weights.get(e).copied().unwrap_or(0.0);
             if !equations.follows || weight == 0.0 {
@@ -113,7 +113,7 @@ fn taken_by_fit<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             if !is_taken && own.waiting.is_empty() {
                 continue;
             }
-            let weight = weight * estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
+            let weight = scale * weight * estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
             row.clear();
             let entries = equations.w.iter().skip(e).step_by(stride);
             row.extend(entries.map(|w| w * weight));
@@ -126,13 +126,14 @@ fn taken_by_fit<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 }
                 own.waiting.push_front((0, solved));
             }
+            let lags = own.lags;
             own.waiting.retain_mut(|(lag, solved)| {
                 let product: f64 = solved.iter().zip(&row).map(|(a, b)| a * b).sum();
                 if let Some(sum) = own.sums.get_mut(*lag) {
                     *sum += product;
                 }
                 *lag += 1;
-                *lag <= ORDER
+                *lag <= lags
             });
         }
         Ok(())
@@ -143,34 +144,6 @@ fn taken_by_fit<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         own.sums.iter().map(|sum| factor * sum).collect()
     });
     Ok(scaled.collect())
-}
-
-/// The noise of an effort, of which the fit took a part: that is of the frequencies of the motion, which noise
-/// behind a filter has a flat spectrum at.
-///
-/// - `own`: the errors that are left; `taken`: see [`taken_by_fit`].
-fn noise_before_fit(own: &EffortError, taken: &[f64]) -> Autoregression {
-    let samples = own.samples.max(1) as f64;
-    let left = own.rms * own.rms;
-    let mut noise = Autoregression::fit(left, &own.autocorrelation, own.samples);
-    let first = noise.level();
-    let mut level = first;
-    for _ in 0..MAX_ROUNDS {
-        let part = |lag: usize| level * taken.get(lag).copied().unwrap_or(0.0) / samples;
-        let variance = left + part(0);
-        let lags = own.autocorrelation.iter().enumerate();
-        let correlation: Vec<f64> = lags
-            .map(|(k, x)| (x * left + part(k + 1)) / variance)
-            .collect();
-        noise = Autoregression::fit(variance, &correlation, own.samples);
-        let next = noise.level().min(MAX_GROWTH * first);
-        let change = (next - level).abs();
-        level = next;
-        if change.is_nan() || change <= SETTLED_PART * level {
-            break;
-        }
-    }
-    noise
 }
 
 /// The weighted and bounded residuals of one sample, from which scores are computed. The lists have
@@ -238,12 +211,12 @@ pub(super) fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
     estimate: &Estimate,
-    noise: &[Autoregression],
+    noise: &EffortNoise,
     bandwidth: Option<usize>,
     mut delays: Option<&mut DelayScores<'_>>,
 ) -> Result<(Blocks, Option<Autocorrelated>, PsiSums), S::Error> {
     let n = estimate.values.len();
-    let mut scores = Scores::new(n, noise).of_samples(replay.left_out().samples);
+    let mut scores = noise.scores(n).of_samples(replay.left_out().samples);
     let mut newey_west = bandwidth.map(|b| Autocorrelated::new(n, b));
     let mut psi_sums = PsiSums::default();
     let mut score = vec![0.0; n];
@@ -313,37 +286,4 @@ pub(super) fn andrews_bandwidth(efforts: &[EffortError], rows: usize) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
     let lags = lags as usize;
     1 + lags.min(rows / 4)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn noise_is_as_large_at_the_frequencies_of_the_motion_as_before_the_fit() {
-        // of white noise of deviation 2, a fit with slow columns takes a tenth, and what is left of it is fast
-        let samples = 1000;
-        let shape = [1.0, 0.95, 0.85, 0.7, 0.5, 0.3, 0.1];
-        let taken: Vec<f64> = shape.iter().map(|x| 100.0 * x).collect();
-        let left = 4.0 * (1.0 - 0.1);
-        let lags = taken.iter().skip(1);
-        let own = EffortError {
-            name: String::new(),
-            samples,
-            relative_absolute: 0.0,
-            rms: f64::sqrt(left),
-            relative_rms: 0.0,
-            largest: 0.0,
-            autocorrelation: lags.map(|x| -4.0 * x / 1000.0 / left).collect(),
-            whiteness_p_value: 0.0,
-        };
-        let of_residuals = Autoregression::fit(left, &own.autocorrelation, samples);
-        assert!(of_residuals.level() < 2.5, "{of_residuals:?}");
-        let found = noise_before_fit(&own, &taken);
-        assert!((found.level() - 4.0).abs() < 0.4, "{found:?}");
-        assert!((found.variance - 4.0).abs() < 0.2, "{found:?}");
-        // a fit that takes nothing changes nothing
-        let same = noise_before_fit(&own, &[0.0; 7]);
-        assert!((same.level() / of_residuals.level() - 1.0).abs() < 1e-9);
-    }
 }

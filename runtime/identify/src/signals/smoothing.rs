@@ -100,6 +100,36 @@ impl Smoothing {
         }
     }
 
+    /// The autocorrelation of white noise behind the filter at lags of `every`, `2 every`, ... samples, until it has
+    /// forgotten a value.
+    ///
+    /// - `step`: the time between samples, s.
+    ///
+    /// # Errors
+    /// As [`apply`](Self::apply).
+    pub(crate) fn noise_autocorrelation(
+        &self,
+        step: f64,
+        every: usize,
+    ) -> Result<Vec<f64>, SignalError> {
+        let support = self.support(step)?.max(self.settling(step)?);
+        let count = 2 * support + 1;
+        let times: Vec<f64> = (0..count).map(|k| k as f64 * step).collect();
+        let mut response = vec![0.0; count];
+        if let Some(middle) = response.get_mut(support) {
+            *middle = 1.0;
+        }
+        self.apply(&times, &mut response, 1)?;
+        let at = |lag: usize| -> f64 {
+            let later = response.iter().skip(lag);
+            response.iter().zip(later).map(|(a, b)| a * b).sum()
+        };
+        let lags = (1..)
+            .map(|k| k * every.max(1))
+            .take_while(|lag| *lag < count);
+        Ok(lags.map(|lag| at(lag) / at(0)).collect())
+    }
+
     /// As [`apply`](Self::apply), but leaves the values as they are; `out` is overwritten.
     ///
     /// # Errors

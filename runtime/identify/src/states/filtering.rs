@@ -1,5 +1,6 @@
 //! How equations are filtered and decimated on the way from the states of a log to least squares.
 
+use crate::estimate::FilteredNoise;
 use crate::signals::Smoothing;
 
 /// How to treat equations of coordinates that rest, or move so slowly that noise determines
@@ -36,6 +37,11 @@ pub struct Filtering {
 const RATE_PER_CUTOFF: f64 = 50.0;
 /// The largest number of equations that are averaged, for clocks whose first step is almost 0.
 const MAX_AVERAGED: usize = 4096;
+
+/// At most twice so many equations in a period of the cutoff's frequency tell the noise behind a low-pass filter: what it
+/// passes of noise above half their rate is below a hundredth of what it passes at low frequencies, and the
+/// autoregression of more of them needs more coefficients than the filter has.
+const EQUATIONS_PER_CUTOFF: f64 = 7.0;
 
 impl Filtering {
     /// The number of consecutive equations that are averaged before the low-pass filter: a power of
@@ -75,6 +81,38 @@ impl Filtering {
         averaged * self.every(averaged)
     }
 
+    /// What the filter makes of white noise of the efforts.
+    ///
+    /// - `spacing`: the time between the equations that are used, s.
+    pub(crate) fn noise(&self, spacing: f64) -> FilteredNoise {
+        self.noise_behind(spacing)
+            .unwrap_or_else(FilteredNoise::unfiltered)
+    }
+
+    /// `None` without a filter, or for a spacing that this filter does not give.
+    fn noise_behind(&self, spacing: f64) -> Option<FilteredNoise> {
+        let averages = core::iter::successors(Some(1), |count| Some(2 * count));
+        let mut steps = averages
+            .take_while(|averaged| *averaged <= MAX_AVERAGED)
+            .map(|averaged| (averaged, spacing / (averaged * self.every(averaged)) as f64));
+        let (averaged, step) = steps.find(|(averaged, step)| self.averaged(*step) == *averaged)?;
+        let every = match self.smoothing {
+            Smoothing::None => return None,
+            #[allow(
+                clippy::cast_sign_loss,
+                reason = "a cutoff and a spacing are not negative"
+            )]
+            Smoothing::Butterworth { cutoff, .. } => {
+                ((1.0 / (EQUATIONS_PER_CUTOFF * cutoff * spacing)) as usize).max(1)
+            }
+            Smoothing::Local { .. } => 1,
+        };
+        let step = step * averaged as f64;
+        let between = every * self.every(averaged);
+        let autocorrelation = self.smoothing.noise_autocorrelation(step, between).ok()?;
+        Some(FilteredNoise::new(every, &autocorrelation))
+    }
+
     /// The decimation ratio of averages.
     pub(crate) fn every(&self, averaged: usize) -> usize {
         self.decimation.div_ceil(averaged).max(1)
@@ -89,5 +127,39 @@ impl Default for Filtering {
             decimation: 1,
             standstill: Standstill::Drop,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_behind_a_filter_has_the_same_memory_at_any_spacing_of_the_equations() {
+        let smoothing = Smoothing::Butterworth {
+            order: 4,
+            cutoff: 4.0,
+        };
+        let memory = |decimation: usize| {
+            let filtering = Filtering {
+                smoothing,
+                decimation,
+                ..Filtering::default()
+            };
+            let spacing = 1e-3 * filtering.samples_between(1e-3) as f64;
+            spacing * filtering.noise(spacing).memory()
+        };
+        // half over the frequency range of a filter that passes all below the cutoff and nothing above
+        let own = memory(1);
+        assert!((0.1..0.15).contains(&own), "{own}");
+        for decimation in [3, 7, 10, 20, 30] {
+            assert!(
+                (memory(decimation) / own - 1.0).abs() < 0.03,
+                "{decimation}"
+            );
+        }
+        // without a filter noise has no memory
+        let without = Filtering::default().noise(1e-3);
+        assert!(without.is_as(&FilteredNoise::unfiltered()));
     }
 }

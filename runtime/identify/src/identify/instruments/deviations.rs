@@ -4,7 +4,7 @@
 use nalgebra::DMatrix;
 
 use super::{InstrumentedEquations, RoundResult};
-use crate::estimate::{Autoregression, Deviations, ORDER, OuterProducts, Residuals, Scores};
+use crate::estimate::{Deviations, EffortNoise, NoiseResiduals, OuterProducts};
 use crate::identify::equation_builder::Equations;
 use crate::identify::passes::predicted;
 
@@ -23,7 +23,7 @@ pub(super) fn deviations<E: InstrumentedEquations>(
     let solution = &round.solution;
     let n = solution.values.len();
     let noise = noise(equations, round)?;
-    let mut scores = Scores::new(n, &noise);
+    let mut scores = noise.scores(n);
     let mut squares = OuterProducts::new(n, true);
     let mut weighted = Weighted::default();
     let (mut square, mut line) = (0.0, Vec::with_capacity(n));
@@ -74,19 +74,17 @@ fn sandwich(inverse: &[f64], squares: &[f64], variance: f64) -> Vec<f64> {
 fn noise<E: InstrumentedEquations>(
     equations: &mut E,
     round: &RoundResult,
-) -> Result<Vec<Autoregression>, E::Error> {
-    let names: Vec<String> = round.efforts.iter().map(|e| e.name.clone()).collect();
-    let zeros = vec![0.0; names.len()];
-    let mut noise = Residuals::new(&names, &zeros, ORDER);
+) -> Result<EffortNoise, E::Error> {
+    let mut noise = NoiseResiduals::new(round.efforts.len(), equations.filtered_noise());
     let mut weighted = Weighted::default();
     equations.visit(&mut |rows| {
         if !rows.follows {
             noise.interrupt();
         }
         weighted.compute(rows, round);
-        noise.push_used(&weighted.psi, &zeros, &weighted.used)
+        noise.push(&weighted.psi, &weighted.used)
     })?;
-    Ok(noise.autoregressions())
+    Ok(noise.noise())
 }
 
 /// The weighted residuals of one sample, one for each effort.
@@ -118,7 +116,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use crate::estimate::{EstimateError, Origin};
+    use crate::estimate::{EstimateError, FilteredNoise, Origin};
     use crate::identify::instruments::instrumental_of;
     use crate::identify::{ChangedParameters, HeldEfforts, InstrumentOptions, Instrumental};
 
@@ -144,6 +142,10 @@ mod tests {
 
         fn linearise(&mut self, _: &[f64]) -> bool {
             false
+        }
+
+        fn filtered_noise(&self) -> FilteredNoise {
+            FilteredNoise::unfiltered()
         }
 
         fn changed(

@@ -33,8 +33,8 @@ use super::replay::Replay;
 use super::sampling::ChangedParameters;
 use super::stream::LeftOut;
 use crate::estimate::{
-    Deviations, EffortError, Estimate, EstimateError, Origin, Residuals, SAMPLING, Weighting,
-    bartlett_stretches,
+    Deviations, EffortError, Estimate, EstimateError, FilteredNoise, Origin, Residuals, SAMPLING,
+    Weighting, bartlett_stretches,
 };
 use crate::states::{MotionSeries, Source};
 use regen_runtime::BaseModel;
@@ -224,6 +224,9 @@ pub(crate) trait InstrumentedEquations {
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), Self::Error>;
 
+    /// What the filter makes of white noise of the efforts, at the equations of the last pass.
+    fn filtered_noise(&self) -> FilteredNoise;
+
     /// Adds the equations of the instruments' motion with other derivatives, see
     /// [`Source::changed_efforts`].
     ///
@@ -284,6 +287,10 @@ impl<M: BaseModel<f64> + ?Sized, S: Source + ?Sized> InstrumentedEquations
             }
             each(rows)
         })
+    }
+
+    fn filtered_noise(&self) -> FilteredNoise {
+        self.replay.filtered_noise()
     }
 
     fn changed(
