@@ -350,6 +350,9 @@ impl Method {
         let Some(support) = self.support(step)? else {
             return Ok([0.0; 2]);
         };
+        if support > MAX_RESPONSE {
+            return Err(LONG_RESPONSE);
+        }
         // the response to a single sample of size 1
         let side = support + 2;
         let times: Vec<f64> = (0..=2 * side).map(|k| k as f64 * step).collect();
@@ -363,6 +366,12 @@ impl Method {
         Ok([size(&response.rate), size(&response.acceleration)])
     }
 }
+
+/// The largest number of samples on either side of one, for its effect to be computed.
+const MAX_RESPONSE: usize = 1 << 24;
+/// What is told beyond.
+const LONG_RESPONSE: SignalError =
+    SignalError::Setting("a filter must not reach over more than 16 million samples");
 
 fn check(times: &[f64], values: &[f64]) -> Result<(), SignalError> {
     if times.len() != values.len() {

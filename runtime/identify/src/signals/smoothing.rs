@@ -113,6 +113,9 @@ impl Smoothing {
         every: usize,
     ) -> Result<Vec<f64>, SignalError> {
         let support = self.support(step)?.max(self.settling(step)?);
+        if support > super::MAX_RESPONSE {
+            return Err(super::LONG_RESPONSE);
+        }
         let count = 2 * support + 1;
         let times: Vec<f64> = (0..count).map(|k| k as f64 * step).collect();
         let mut response = vec![0.0; count];

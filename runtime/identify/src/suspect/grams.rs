@@ -91,6 +91,9 @@ const MAX_RESTING_PART: f64 = 0.7;
 const LEAST_SPREAD: f64 = 1e-2;
 /// The smallest relative error of an equation that its weight is computed from.
 const MIN_RELATIVE_ERROR: f64 = 1e-3;
+/// Of what an error is below that of noise alone so much counts: no change is made for it, and sizes of changes that are made
+/// have their best value.
+const COUNTED_PART: f64 = 0.01;
 /// The number of postures at which inertias are looked at.
 const POSTURES: usize = 16;
 /// The smallest part of the states at which the loops must close.
@@ -639,7 +642,10 @@ impl Grams {
         Some(Fit {
             values,
             errors: pairs
-                .map(|((r, s), least)| (r / s).sqrt().max(least))
+                .map(|((r, s), least)| {
+                    let own = (r / s).sqrt();
+                    own.max(least + COUNTED_PART * (own - least))
+                })
                 .collect(),
             sizes: rms(&squares),
             spreads: rms(&spreads),
