@@ -159,8 +159,8 @@ impl NoiseResiduals {
     }
 
     /// The noise of an effort, of which the fit took a part: residuals r = (I - H) e of noise with the autocovariance
-    /// R have, summed over the equations t, `sum r(t) r(t + k) = N R(k) - sum_l H(l) R(l - k)`. That is exact for k = 0,
-    /// and for noise that is white at the frequencies of the motion.
+    /// R have, summed over the equations t, `sum r(t) r(t + k) = N R(k) - sum_l H(l) R(l - k)`. That is exact for k = 0
+    /// where all efforts have the same weighted noise, and for noise that is white at the frequencies of the motion.
     ///
     /// - `own`: the errors that are left; `taken`: H(l), l = 0, 1, ...: the sum over t of what the fit takes from the
     ///   residual at t + l for noise at t. None for a fit that takes nothing.

@@ -251,7 +251,7 @@ fn product(weights: &[f64], others: &[f64]) -> Vec<f64> {
 /// their innovations (Levinson and Durbin), while `each` returns true.
 ///
 /// - `autocovariance`: at lags 0, 1, ...
-fn levinson(autocovariance: &[f64], each: &mut dyn FnMut(&[f64], f64) -> bool) {
+pub(crate) fn levinson(autocovariance: &[f64], each: &mut dyn FnMut(&[f64], f64) -> bool) {
     let at = |lag: usize| autocovariance.get(lag).copied().unwrap_or(0.0);
     let mut coefficients: Vec<f64> = Vec::new();
     let mut remaining = at(0);

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
 use super::{Hausman, InstrumentedEquations, RoundResult};
-use crate::estimate::{Autocorrelated, EffortError, EstimateError, QrFactor};
+use crate::estimate::{Autocorrelated, EffortError, EstimateError, QrFactor, levinson};
 use crate::identify::passes::predicted;
 use crate::qr_update::substitute;
 
@@ -164,29 +164,18 @@ fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
         let (n, p) = (samples as f64, order as f64 + 1.0);
         remaining * (n + p) / (n - p).max(1.0)
     };
-    let (mut best, mut coefficients): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    let mut remaining = at(0);
-    let mut least = criterion(remaining, 0);
-    for order in 1..=MAX_ORDER.min(lags.unwrap_or(0)) {
-        let known = coefficients.iter().enumerate();
-        let predicted_part: f64 = known.map(|(k, a)| a * at(order - 1 - k)).sum();
-        let reflection = (at(order) - predicted_part) / remaining;
-        // a reflection that is NaN ends the search too
-        if reflection.is_nan() || reflection.abs() >= 1.0 {
-            break;
-        }
-        let backwards: Vec<f64> = coefficients.iter().rev().copied().collect();
-        for (a, b) in coefficients.iter_mut().zip(backwards) {
-            *a -= reflection * b;
-        }
-        coefficients.push(reflection);
-        remaining *= 1.0 - reflection * reflection;
-        let own = criterion(remaining, order);
+    let most = MAX_ORDER.min(lags.unwrap_or(0));
+    let autocovariance: Vec<f64> = (0..=most).map(at).collect();
+    let mut best = Vec::new();
+    let mut least = criterion(at(0), 0);
+    levinson(&autocovariance, &mut |coefficients, remaining| {
+        let own = criterion(remaining, coefficients.len());
         if own < least {
             least = own;
-            best.clone_from(&coefficients);
+            best = coefficients.to_vec();
         }
-    }
+        true
+    });
     best
 }
 
