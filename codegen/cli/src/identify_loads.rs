@@ -491,11 +491,10 @@ fn doubts(
             remedy: GAINS_REMEDY.to_owned(),
         }];
     }
-    let given = &session.reading.columns;
     let has_payloads = load::mechanism(source).is_ok_and(|own| own.payloads().next().is_some());
     let spec = OtherSpecs::new(&args.file, has_payloads.then_some(PayloadArg::None));
     let estimate = start.as_ref().map(|own| &own.estimate_for_intervals);
-    let mut out = suspect::doubts(&model, logs.logs(), given, estimate, &spec);
+    let mut out = suspect::doubts(&session, &bare, logs.logs(), estimate, &spec);
     let is_of_gain = |column: &Assignment| {
         let gains = found.model.gains.iter();
         matches!(&column.quantity, Quantity::Effort(name) if gains.clone().any(|own| own.effort == *name))

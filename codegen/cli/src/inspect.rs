@@ -455,7 +455,6 @@ fn predicted(
         Some(path) => OtherSpecs::new(path, chosen.payload),
         None => OtherSpecs::default(),
     };
-    let columns = &session.reading.columns;
-    let doubts = suspect::doubts(model, opened.logs(), columns, None, &specs);
+    let doubts = suspect::doubts(&session, &runs, opened.logs(), None, &specs);
     Ok(Ok((found, doubts)))
 }

@@ -52,7 +52,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     note_problems(logs.logs().reports());
     // who adds up the factors sees no log any more
     let specs = OtherSpecs::new(&args.file, args.reading.payload);
-    let _ = suspect::warn_of_logs(&model, logs.logs(), &session.reading.columns, &specs);
+    let _ = suspect::warn_of_logs(&session, &args.logs, logs.logs(), &specs);
     let files = logs.logs().reports().iter().map(LogFile::new).collect();
     let mut found = Observed::new(&set, &left_out, corrected_delays, files);
     found.filter = filter;

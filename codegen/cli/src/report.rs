@@ -105,8 +105,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let suspicions = if identified.gains.is_empty() {
         let opened = session.open(&args.logs).map_err(ReportError::from)?;
         let specs = OtherSpecs::new(&args.file, args.reading.payload);
-        let columns = &session.reading.columns;
-        suspect::warn_of_logs(&model, opened.logs(), columns, &specs)
+        suspect::warn_of_logs(&session, &args.logs, opened.logs(), &specs)
     } else {
         Vec::new()
     };

@@ -5,8 +5,9 @@ mod gravity;
 #[cfg(test)]
 mod tests;
 
-use regen_identify::data::{Assignment, Logs};
+use regen_identify::data::{Assignment, Logs, Run};
 use regen_identify::estimate::{EffortError, Estimate};
+use regen_identify::session::{Session, errors_with_columns};
 use regen_identify::suspect::{self, LogColumns, Remedy};
 use regen_interpreted::Interpreted;
 use regen_report::results::{self, Suspected};
@@ -84,9 +85,9 @@ fn warn_of_more(
     if args.no_suspicion {
         return Vec::new();
     }
-    let given = observe::settings(&args.reading).columns;
     let spec = OtherSpecs::new(&args.file, args.reading.payload);
-    let mut out = doubts(model, logs, &given, found, &spec);
+    let session = observe::session(model, &args.reading);
+    let mut out = doubts(&session, &args.logs, logs, found, &spec);
     let known: Vec<String> = known.iter().map(ToString::to_string).collect();
     out.retain(|doubt| args.huber.is_none() || doubt.found.remedy != Remedy::Bounded);
     out.retain(|doubt| !known.contains(&doubt.to_string()));
@@ -98,12 +99,12 @@ fn warn_of_more(
 
 /// Prints what looks wrong with logs that another command than `identify` reads, where their efforts are known.
 pub(crate) fn warn_of_logs(
-    model: &Interpreted<'_>,
+    session: &Session<'_, Interpreted<'_>>,
+    runs: &[Run],
     logs: &Logs<'_, Interpreted<'_>>,
-    columns: &[Assignment],
     specs: &OtherSpecs<'_>,
 ) -> Vec<Suspected> {
-    let out = doubts(model, logs, columns, None, specs);
+    let out = doubts(session, runs, logs, None, specs);
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }
@@ -157,16 +158,17 @@ pub(crate) fn warn_without_choice(
 /// The suspected mistakes in logs. Without an estimate they are found from the weights and inertias
 /// of the nominal bodies.
 ///
-/// - `given`: the assignments of columns;
+/// - `session`: how the logs are read, with the filter; `runs`: those that `logs` were opened from;
 /// - `found`: as for [`warn`];
 /// - `specs`: the spec with other values, which are tried on the logs.
 pub(crate) fn doubts(
-    model: &Interpreted<'_>,
+    session: &Session<'_, Interpreted<'_>>,
+    runs: &[Run],
     logs: &Logs<'_, Interpreted<'_>>,
-    given: &[Assignment],
     found: Option<&Estimate>,
     specs: &OtherSpecs<'_>,
 ) -> Vec<Suspected> {
+    let (model, given) = (session.model, &session.reading.columns);
     let working = progress::later("checking the columns");
     let mut out = Vec::new();
     for (k, report) in logs.reports().iter().enumerate() {
@@ -181,7 +183,9 @@ pub(crate) fn doubts(
             model,
         };
         let step = &mut |k, n| working.at(k, n);
-        let own = suspect::suspicions(&columns, &sample, found, step);
+        let run = runs.get(k);
+        let whole = |columns: &[Assignment]| errors_with_columns(session, run?, columns).ok();
+        let own = suspect::suspicions(&columns, &sample, found, &whole, step);
         let own = gravity::with_spec(&columns, &sample, specs, own);
         out.extend(own.into_iter().map(with_options));
     }

@@ -146,8 +146,9 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         let least = errors.fold(f64::INFINITY, |m, own| m.min(own.relative_absolute));
         if least > DOUBTED_PERCENT && is_plain {
             let specs = OtherSpecs::new(&args.file, args.reading.payload);
-            let columns = observe::settings(&args.reading).columns;
-            let _ = suspect::warn_of_logs(&model, log.logs(), &columns, &specs);
+            let session = observe::session(&model, &args.reading);
+            let runs = std::slice::from_ref(run);
+            let _ = suspect::warn_of_logs(&session, runs, log.logs(), &specs);
         }
         if let Some(predictions) = &mut predictions {
             let all: Vec<&IdentifiedModel> = models.iter().map(|(found, _)| found).collect();

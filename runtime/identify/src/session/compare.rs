@@ -4,8 +4,8 @@ use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use super::{LeastSquaresStart, MonitoredLogs, Session, SessionError};
-use crate::data::Run;
-use crate::estimate::Residuals;
+use crate::data::{Assignment, Run};
+use crate::estimate::{EffortError, Estimate, Residuals};
 use crate::identify::{self, EquationBuilder, EquationKind};
 use crate::model::IdentifiedModel;
 
@@ -85,6 +85,29 @@ pub fn residuals_of<M: BaseModel<f64> + ?Sized>(
     }
     let (mut log, means) = observed(session, logs)?;
     Ok(model.residuals(session.model, session.kind, &mut log, &means, lags)?)
+}
+
+/// Fits one log by least squares with some of its columns read in another way, and returns the residuals'
+/// statistics of each effort.
+///
+/// - `columns`: assignments that take the place of those of the session.
+///
+/// # Errors
+/// When the log cannot be read so, or does not determine the parameters.
+pub fn errors_with_columns<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    run: &Run,
+    columns: &[Assignment],
+) -> Result<Vec<EffortError>, SessionError> {
+    let mut reading = session.reading.clone();
+    reading.columns.splice(..0, columns.iter().cloned());
+    let session = session.with_reading(reading);
+    let mut log = session.open(std::slice::from_ref(run))?;
+    let (set, _) = identify::observe(session.model, session.kind, &mut log)?;
+    let values = Estimate::new(&set, session.options.weighting)?.values;
+    let means = set.means();
+    let residuals = identify::residuals(session.model, session.kind, &mut log, &values, &means, 1)?;
+    Ok(residuals.efforts())
 }
 
 /// Opens runs, and reads the means of their efforts.

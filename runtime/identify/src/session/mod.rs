@@ -28,7 +28,7 @@ use crate::identify::{EquationKind, Options};
 
 pub use alternatives::HUBER_BOUND;
 pub use choice::{OpenChoices, chosen};
-pub use compare::{LogError, compare, residuals_of};
+pub use compare::{LogError, compare, errors_with_columns, residuals_of};
 pub use cross::{CrossValidation, cross};
 pub use delays::{identified, settled_delays, settled_delays_within};
 pub use error::SessionError;

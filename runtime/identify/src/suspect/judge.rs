@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::facts::CERTAIN_DEVIATIONS;
 use super::words::{LogColumns, rounded};
-use super::{Change, Findings, Measured, Nominal, Sample, look, positions};
+use super::{Change, Findings, Measured, Nominal, Sample, WholeFit, look, positions};
 use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
@@ -162,6 +162,7 @@ impl std::fmt::Display for Suspicion {
 /// - `columns`: the log and the assignment of its columns;
 /// - `sample`: some of its states, see [`Logs::sample`](crate::data::Logs::sample);
 /// - `estimate`: that from all logs, with standard deviations; `None` where there is none;
+/// - `whole`: fits the whole log with a change, which is told only if it fits better;
 /// - `step`: called with the number of hypotheses tried so far and in total.
 ///
 /// ```
@@ -205,7 +206,7 @@ impl std::fmt::Display for Suspicion {
 ///     ..Sample::default()
 /// };
 /// let columns = LogColumns { file: "run.csv", given: &[], model: &Slide };
-/// let found = suspicions(&columns, &sample, None, &mut |_, _| {});
+/// let found = suspicions(&columns, &sample, None, &|_| None, &mut |_, _| {});
 /// assert!(found[0].what.starts_with("column `t` looks like ms and not s"));
 /// let Remedy::Read { columns, .. } = &found[0].remedy else { panic!() };
 /// assert_eq!(columns[0].factor, 1e-3);
@@ -214,6 +215,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     sample: &Sample,
     estimate: Option<&Estimate>,
+    whole: &WholeFit<'_>,
     step: &mut dyn FnMut(usize, usize),
 ) -> Vec<Suspicion> {
     let model = columns.model;
@@ -245,7 +247,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         .iter()
         .map(|c| columns.drive_gain(&Quantity::Effort(columns.name(*c))))
         .collect();
-    let whole = estimate;
+    let all = estimate;
     let sigmas = estimate.map(|e| (0..e.values.len()).map(|k| e.sigma(k)).collect::<Vec<_>>());
     let estimate = estimate.zip(sigmas.as_ref());
     let estimate = estimate.map(|(e, sigmas)| (e.values.as_slice(), sigmas.as_slice()));
@@ -253,7 +255,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if let Some(change) = &findings.change
         && !is_covered(change, &findings.nominal)
     {
-        out.extend(columns.change(change, sample, &findings.nominal));
+        out.extend(columns.tried(change, sample, &findings.nominal, whole));
     }
     if !findings.cut_off.is_empty() {
         out.extend(columns.cut_off(&findings.cut_off));
@@ -271,7 +273,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if out.is_empty() {
         out.extend(beyond(columns, sample));
     }
-    let light = match whole {
+    let light = match all {
         Some(own) if out.is_empty() => negative_inertias(model, &own.values, &own.covariance),
         _ => Vec::new(),
     };
@@ -860,7 +862,7 @@ mod tests {
     fn efforts_and_positions_that_are_copies_are_named() {
         let model = swings(false);
         let first = |of: &Sample| {
-            let found = suspicions(&columns(&model), of, None, &mut |_, _| {});
+            let found = suspicions(&columns(&model), of, None, &|_| None, &mut |_, _| {});
             found
                 .first()
                 .map(|own| own.what.clone())

@@ -26,7 +26,7 @@ pub use facts::{NegativeParameter, Nominal, Shift};
 pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
 pub use noise::{NoiseAlone, noise_alone};
 pub use parts::{CutOff, Parts};
-pub use trial::{Trial, short_trial, trial, weightless};
+pub use trial::{Trial, WholeFit, short_trial, trial, weightless};
 pub use words::LogColumns;
 
 use crate::data::{Measured, STATES, Sample, Spikes};
@@ -82,6 +82,8 @@ pub struct Change {
     /// Whether the change only flips signs: the errors stay about the same, but friction or inertia
     /// is negative without it.
     pub sign: bool,
+    /// Another change that explains the sample about as well; the whole log tells which is right.
+    pub rival: Option<Box<Self>>,
 }
 
 impl Change {
@@ -97,6 +99,7 @@ impl Change {
             before: Vec::new(),
             after: Vec::new(),
             sign: false,
+            rival: None,
         }
     }
 
@@ -106,6 +109,7 @@ impl Change {
             offsets: self.offsets.clone(),
             before: self.before.clone(),
             after: self.after.clone(),
+            rival: self.rival.clone(),
             ..Self::none(self.efforts.len(), self.positions.len())
         };
         *self == none
@@ -123,6 +127,11 @@ impl Change {
             && left > MAX_LEFT_OF_WORST * was
             && !is_beside_noise;
         is_useless || is_less_explained(&self.before, &self.after)
+    }
+
+    /// Whether it contains times, or delays.
+    fn is_of_times(&self) -> bool {
+        (self.times - 1.0).abs() > f64::EPSILON || self.behind != 0.0 || !self.late.is_empty()
     }
 
     /// How many numbers it contains that the equations told.
@@ -166,6 +175,7 @@ impl Change {
             before: self.before.clone(),
             after: next.after.clone(),
             sign: self.sign || next.sign,
+            rival: None,
         }
     }
 }

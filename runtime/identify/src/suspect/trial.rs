@@ -4,9 +4,11 @@
 use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
 use super::{
-    EffortChange, MIN_DOUBTED_ERROR, Reading, Remedy, STATES, Sample, Suspicion, implausible_count,
-    is_less_explained, least_states, quality,
+    Change, EffortChange, MIN_DOUBTED_ERROR, Nominal, Reading, Remedy, STATES, Sample, Suspicion,
+    implausible_count, is_less_explained, least_states, quality,
 };
+use crate::data::Assignment;
+use crate::estimate::EffortError;
 use regen_runtime::BaseModel;
 
 /// The part that another gravity may leave of the largest error.
@@ -33,6 +35,12 @@ const LAGS: [f64; 3] = [0.05, 0.1, 0.2];
 pub(super) const MAX_CORRELATION_OF_NOISE: f64 = 0.35;
 /// With fewer pairs of states nothing is said of that.
 const MIN_PAIRS: usize = 50;
+/// The factor by which a fit of the whole log may be worse with a change that only flips signs.
+const MAX_LOSS_OF_SIGNS: f64 = 1.02;
+/// The part by which a zero that was found is changed to find a better one.
+const PART_OF_ZERO: f64 = 0.1;
+/// The smallest error of an effort that is compared, percent.
+const LEAST_ERROR: f64 = 0.1;
 /// The number of states of a short trial, unless the parameters need more.
 const FEW_STATES: usize = 150;
 
@@ -48,6 +56,24 @@ pub struct Trial {
     pub correlation: f64,
     /// How many directions have a negative inertia, and how many joints are driven by their friction.
     pub implausible: usize,
+}
+
+/// Fits the whole log with some columns read in another way, and returns the residuals' statistics of each effort;
+/// `None` where no fit is possible or known.
+pub type WholeFit<'a> = dyn Fn(&[Assignment]) -> Option<Vec<EffortError>> + 'a;
+
+/// The product of the errors of the efforts, as the sum of its logarithms.
+fn log_product(errors: &[EffortError]) -> f64 {
+    let errors = errors.iter().map(|own| own.relative_absolute);
+    let errors = errors.filter(|error| error.is_finite());
+    errors.map(|error| libm::log(error.max(LEAST_ERROR))).sum()
+}
+
+/// A change with which the whole log was fitted.
+struct Fitted {
+    change: Change,
+    found: Suspicion,
+    errors: Vec<EffortError>,
 }
 
 /// Fits a model to a sample of a log; `None` where the loops do not close or an effort is constant.
@@ -121,6 +147,48 @@ pub(super) fn correlation(sample: &Sample, grams: &Grams, fit: &Fit) -> f64 {
     if out > 0.0 { out } else { 1.0 }
 }
 
+impl Fitted {
+    /// The same change with the zero of its position with which the whole log fits best, if that is its only number:
+    /// the lowest point of a parabola through the mean squares at three zeros.
+    fn with_best_zero(self, fitted: impl Fn(&Change) -> Option<Self>) -> Self {
+        let zeros = self.change.positions.iter().enumerate();
+        let mut zeros = zeros.filter(|(_, own)| own.offset != 0.0);
+        let Some((place, zero)) = zeros.next().map(|(k, own)| (k, own.offset)) else {
+            return self;
+        };
+        if self.change.number_count() != 1 {
+            return self;
+        }
+        let at = |offset: f64| {
+            let mut change = self.change.clone();
+            let positions = change.positions.iter_mut().skip(place).take(1);
+            positions.for_each(|own| own.offset = offset);
+            fitted(&change)
+        };
+        let step = PART_OF_ZERO * zero;
+        let (Some(below), Some(above)) = (at(zero - step), at(zero + step)) else {
+            return self;
+        };
+        let squares = |own: &Self| {
+            let pairs = own.errors.iter().zip(&self.errors);
+            let ratios = pairs.map(|(own, here)| own.relative_rms / here.relative_rms);
+            let ratios = ratios.filter(|ratio| ratio.is_finite());
+            ratios.map(|ratio| ratio * ratio).sum::<f64>()
+        };
+        let [low, here, high] = [&below, &self, &above].map(squares);
+        let curvature = low + high - 2.0 * here;
+        let best = (curvature > 0.0).then(|| {
+            let steps = 0.5 * (low - high) / curvature;
+            at(zero + step * steps.clamp(-2.0, 2.0))
+        });
+        let all = [Some(below), Some(above), best.flatten()];
+        let all = all.into_iter().flatten();
+        let best = all.min_by(|a, b| log_product(&a.errors).total_cmp(&log_product(&b.errors)));
+        best.filter(|best| log_product(&best.errors) < log_product(&self.errors))
+            .unwrap_or(self)
+    }
+}
+
 impl Trial {
     /// Whether a log may contradict the model, so that it is worth trying others.
     pub fn is_doubtful(&self) -> bool {
@@ -167,6 +235,74 @@ impl Trial {
 }
 
 impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
+    /// The suspicion that a change or its rival corrects the log, whichever fits the whole log better; `None` if it
+    /// fits no better with either.
+    ///
+    /// - `nominal`: as for [`change`](Self::change).
+    pub(super) fn tried(
+        &self,
+        change: &Change,
+        sample: &Sample,
+        nominal: &[Nominal],
+        whole: &WholeFit<'_>,
+    ) -> Option<Suspicion> {
+        let untried = self.change(change, sample, nominal);
+        // a filter is not that of rows at another rate, and advice on delays cannot be followed here
+        if change.is_of_times() {
+            return untried;
+        }
+        let before = whole(&[]);
+        let fitted = |change: &Change| {
+            let found = self.change(change, sample, nominal)?;
+            let Remedy::Read { columns, .. } = &found.remedy else {
+                return None;
+            };
+            let errors = whole(columns).filter(|_| !columns.is_empty())?;
+            let change = change.clone();
+            Some(Fitted {
+                change,
+                found,
+                errors,
+            })
+        };
+        let all = [Some(change), change.rival.as_deref()]
+            .into_iter()
+            .flatten();
+        let all = all.filter_map(fitted);
+        let best = all.min_by(|a, b| log_product(&a.errors).total_cmp(&log_product(&b.errors)));
+        let best = match (best, &before) {
+            (Some(best), _) => best.with_best_zero(fitted),
+            // a log that can be read neither so nor otherwise may have further mistakes
+            (None, None) if change.before.is_empty() => return untried,
+            (None, _) => return None,
+        };
+        let mut out = best.found;
+        if let Some(before) = &before {
+            let gain = log_product(before) - log_product(&best.errors);
+            let least = if change.sign {
+                -libm::log(MAX_LOSS_OF_SIGNS)
+            } else {
+                0.0
+            };
+            if gain <= least {
+                return None;
+            }
+            let worst = |errors: &[EffortError]| {
+                let errors = errors.iter().map(|own| own.relative_absolute);
+                errors.filter(|error| error.is_finite()).reduce(f64::max)
+            };
+            (out.error, out.changed) = (worst(before), worst(&best.errors));
+            let pairs = before.iter().zip(&best.errors);
+            let both = pairs.map(|(before, after)| EffortChange {
+                name: after.name.clone(),
+                error: Some(before.relative_absolute),
+                changed: after.relative_absolute,
+            });
+            out.efforts = both.collect();
+        }
+        Some(out)
+    }
+
     /// The suspicion that a log is that of another spec, which was tried on it.
     ///
     /// - `before`, `after`: the fits of both;

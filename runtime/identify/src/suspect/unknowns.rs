@@ -20,9 +20,11 @@ const MAX_WORK: usize = 3000;
 const MIN_PASSES: usize = 30;
 /// The step by which the effect of a number is differentiated, rad, m or s.
 const STEP: f64 = 1e-4;
-/// The largest number of steps of Gauss and Newton, and of shorter ones where one explains no more.
+/// The largest number of steps of Gauss and Newton, of shorter ones where one explains no more, and of longer ones
+/// where it explains more.
 const MAX_STEPS: usize = 4;
 const MAX_SHORTER: usize = 3;
+const MAX_LONGER: usize = 3;
 /// The largest change of a number in one of them, rad, m or s, and that of the logarithm of a rate.
 const MAX_CHANGE: f64 = 0.5;
 const MAX_CHANGE_OF_RATE: f64 = 0.8;
@@ -44,12 +46,16 @@ const MAX_DEVIATIONS_OF_ROUND: f64 = 3.0;
 const MIN_GAIN: f64 = 1.1;
 /// The same, where it changes the motion.
 const MIN_GAIN_OF_MOTION: f64 = 1.5;
+/// The factor by which the product of errors may be larger with another number, for which to take the whole log tells.
+const MAX_GAIN_OVER_RIVAL: f64 = 2.0;
 /// The smallest relative error that is compared.
 const LEAST_ERROR: f64 = 1e-3;
 /// The largest delay of a position or of the efforts, s; the smallest is a step of the log.
 const MAX_LATE: f64 = 0.5;
 /// The delays of all efforts from which one is looked for, s.
 const DELAYS: [f64; 5] = [-0.1, 0.05, 0.12, 0.2, 0.3];
+/// The zeros of a position from which one is looked for, in standard deviations of its motion.
+const PARTS_OF_SWING: [f64; 6] = [-0.8, -0.4, -0.2, 0.2, 0.4, 0.8];
 /// The ratios of a position by which it is looked for: less may be an error of the geometry.
 const RATIOS: core::ops::Range<f64> = 1.2..30.0;
 /// Ratios of gears are whole numbers, or a turn, if they are nearer than this part.
@@ -150,21 +156,29 @@ fn search_among<M: BaseModel<f64> + ?Sized>(
         left: Cell::new(MAX_WORK.max(MIN_PASSES * least).max(2 * sample.whole)),
     };
     let mut found = few.of(Vec::new())?;
-    if unknowns.contains(&Unknown::Behind) {
-        // beyond a part of a swing no slope leads to a delay
-        let begun = DELAYS.map(|by| few.of(vec![(Unknown::Behind, by)]));
-        let least = |a: &Tried, b: &Tried| log_errors(&a.fit).total_cmp(&log_errors(&b.fit));
-        let begun = begun.into_iter().flatten().min_by(least);
-        let begun = begun.map(|own| few.settled(own));
-        if let Some(own) = begun.filter(|own| few.matters(own) && own.adds_to(&found)) {
-            found = own;
-        }
+    // beyond a part of a swing no slope leads to a delay, nor to a zero where loops do not close
+    let least = |a: &Tried, b: &Tried| log_errors(&a.fit).total_cmp(&log_errors(&b.fit));
+    let begun = few
+        .far_starts(&found, unknowns)
+        .into_iter()
+        .filter_map(|starts| {
+            let best = starts
+                .into_iter()
+                .filter_map(|own| few.of(vec![own]))
+                .min_by(least)?;
+            Some(few.settled(best))
+        });
+    let begun = begun.min_by(least);
+    if let Some(own) = begun.filter(|own| few.matters(own) && own.adds_to(&found)) {
+        found = own;
     }
+    let mut rival = None;
     for _ in 0..MOST {
-        let more = few.with_one_more(&found, unknowns);
-        let Some(more) = more.map(|more| few.without_needless(more)) else {
+        let mut ended = few.with_one_more(&found, unknowns).into_iter();
+        let Some(more) = ended.next().map(|more| few.without_needless(more)) else {
             break;
         };
+        rival = ended.next().filter(|own| own.values.len() == 1);
         if log_errors(&more.fit) >= log_errors(&found.fit) {
             break;
         }
@@ -185,7 +199,7 @@ fn search_among<M: BaseModel<f64> + ?Sized>(
         ..few
     };
     let found = all.of(found.values)?;
-    let found = all.stepped(&found).unwrap_or(found);
+    let found = all.settled(found);
     let found = all.rounded(found)?;
     let of_motion = |own: &(Unknown, f64)| !matches!(own.0, Unknown::Effort(_));
     let is_explained = !found.values.iter().any(of_motion) || found.explains(now, sample);
@@ -194,8 +208,15 @@ fn search_among<M: BaseModel<f64> + ?Sized>(
     let gain = gain_over(now, &found.fit);
     let plausible =
         implausible_count(model, &found.grams, &found.fit) <= implausible_count(model, grams, now);
-    (is_certain && plausible && is_explained && gain >= libm::pow(MIN_GAIN, count))
-        .then(|| found.change(model, sample, now))
+    let is_told = is_certain && plausible && is_explained && gain >= libm::pow(MIN_GAIN, count);
+    let rival = rival.filter(|_| is_told && found.values.len() == 1);
+    let rival = rival.and_then(|own| Some(all.settled(all.of(own.values)?)));
+    let rival = rival
+        .filter(|own| all.matters(own) && gain_over(&own.fit, &found.fit) < MAX_GAIN_OVER_RIVAL);
+    is_told.then(|| Change {
+        rival: rival.map(|own| Box::new(own.change(model, sample, now))),
+        ..found.change(model, sample, now)
+    })
 }
 
 /// Finds the constants in efforts that explain the errors of a log in which these are small, if that is no chance:
@@ -479,6 +500,40 @@ impl Tried {
 }
 
 impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
+    /// The values from which numbers are looked for that no slope leads to, those of each number.
+    fn far_starts(&self, from: &Tried, unknowns: &[Unknown]) -> Vec<Vec<(Unknown, f64)>> {
+        let states = &from.states.states;
+        let count = states.len().max(1) as f64;
+        let opens = from.grams.stored.len() < states.len();
+        let swing = |k: usize| {
+            let values = states
+                .iter()
+                .filter_map(|own| own.motion[0].get(k).copied());
+            let mean = values.clone().sum::<f64>() / count;
+            let square = values.map(|q| (q - mean).powi(2)).sum::<f64>() / count;
+            square.sqrt()
+        };
+        let starts = unknowns.iter().filter_map(|unknown| {
+            let values: Vec<f64> = match unknown {
+                Unknown::Behind => DELAYS.to_vec(),
+                Unknown::Position(k) if opens => PARTS_OF_SWING.map(|x| x * swing(*k)).to_vec(),
+                _ => return None,
+            };
+            Some(values.into_iter().map(|value| (*unknown, value)).collect())
+        });
+        let starts: Vec<Vec<(Unknown, f64)>> = starts.collect();
+        if opens {
+            // they are beside the work of the search
+            let more = starts
+                .iter()
+                .map(|own| own.len() + MAX_STEPS)
+                .sum::<usize>()
+                * states.len();
+            self.left.set(self.left.get().saturating_add(more));
+        }
+        starts
+    }
+
     /// The states, read with these numbers, and their sums; `None` if the loops do not close, or it was enough.
     fn sums(&self, values: &[(Unknown, f64)]) -> Option<(Sample, Grams)> {
         let count = self.sample.states.len().div_ceil(self.every);
@@ -558,26 +613,30 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
         let residuals = from.residuals();
         let right: Vec<f64> = slopes.iter().map(|slope| -dot(slope, &residuals)).collect();
         let steps = solve(&mut gram, &right)?;
-        let mut part = 1.0;
-        for _ in 0..MAX_SHORTER {
+        let ahead = |part: f64| {
             let mut values = from.values.clone();
             for (own, step) in values.iter_mut().zip(&steps) {
-                let step = part * step;
-                own.1 += match own.0 {
-                    Unknown::Effort(_) => step,
-                    Unknown::Late(_) | Unknown::Behind => {
-                        step.clamp(-0.2 * MAX_CHANGE, 0.2 * MAX_CHANGE)
-                    }
-                    Unknown::Rate | Unknown::Ratio(_) => {
-                        step.clamp(-MAX_CHANGE_OF_RATE, MAX_CHANGE_OF_RATE)
-                    }
-                    Unknown::Position(_) => step.clamp(-MAX_CHANGE, MAX_CHANGE),
+                let most = match own.0 {
+                    Unknown::Effort(_) => f64::INFINITY,
+                    Unknown::Late(_) | Unknown::Behind => 0.2 * MAX_CHANGE,
+                    Unknown::Rate | Unknown::Ratio(_) => MAX_CHANGE_OF_RATE,
+                    Unknown::Position(_) => MAX_CHANGE,
                 };
+                own.1 += (part * step).clamp(-most, most);
             }
-            if let Some(next) = self.of(values)
-                && next.grams.closes()
-                && log_errors(&next.fit) < log_errors(&from.fit)
-            {
+            self.of(values).filter(|own| own.grams.closes())
+        };
+        let gain = |next: &Tried, from: &Tried| log_errors(&from.fit) - log_errors(&next.fit);
+        let mut part = 1.0;
+        for _ in 0..MAX_SHORTER {
+            if let Some(mut next) = ahead(part).filter(|next| gain(next, from) > 0.0) {
+                // parameters that are far off hide most of what a number explains, which makes a step too short
+                for _ in 0..MAX_LONGER {
+                    part *= 2.0;
+                    let longer = ahead(part).filter(|own| gain(own, &next) > SETTLED);
+                    let Some(longer) = longer else { break };
+                    next = longer;
+                }
                 return Some(next);
             }
             part *= 0.3;
@@ -600,8 +659,8 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
         own
     }
 
-    /// These numbers and the one more that explains most at its optimum, if that is no chance.
-    fn with_one_more(&self, from: &Tried, unknowns: &[Unknown]) -> Option<Tried> {
+    /// These numbers and one more at its optimum, the one that explains most first, where that is no chance.
+    fn with_one_more(&self, from: &Tried, unknowns: &[Unknown]) -> Vec<Tried> {
         let residuals = from.residuals();
         let mut first: Vec<(f64, Unknown, Vec<f64>)> = Vec::new();
         for unknown in unknowns.iter().copied() {
@@ -612,7 +671,7 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
             }
         }
         first.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let most = first.first()?.0;
+        let most = first.first().map_or(0.0, |own| own.0);
         first.retain(|(part, ..)| *part >= NEARLY * most);
         // the best of a first step are computed to the end
         let mut begun: Vec<Tried> = Vec::new();
@@ -628,7 +687,9 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
         begun.truncate(SETTLED_TO_THE_END);
         let ended = begun.into_iter().map(|own| self.settled(own));
         let ended = ended.filter(|own| self.matters(own) && own.adds_to(from));
-        ended.min_by(|a, b| log_errors(&a.fit).total_cmp(&log_errors(&b.fit)))
+        let mut ended: Vec<Tried> = ended.collect();
+        ended.sort_by(|a, b| log_errors(&a.fit).total_cmp(&log_errors(&b.fit)));
+        ended
     }
 
     /// These numbers without those that the others make needless.

@@ -40,7 +40,13 @@ fn doubts(effort: impl Fn(u32) -> f64, beyond: f64, method: Method) -> Vec<Strin
         given: &[],
         model: &Pendulum,
     };
-    let found = suspicions(&columns, &logs.sample(0).unwrap(), None, &mut |_, _| {});
+    let found = suspicions(
+        &columns,
+        &logs.sample(0).unwrap(),
+        None,
+        &|_| None,
+        &mut |_, _| {},
+    );
     found.iter().map(ToString::to_string).collect()
 }
 

@@ -381,7 +381,7 @@ fn doubts(count: u32, factors: [f64; 3]) -> (Vec<String>, usize) {
         given: &[],
         model: &counted,
     };
-    let found = suspicions(&columns, &sample, None, &mut |_, _| {});
+    let found = suspicions(&columns, &sample, None, &|_| None, &mut |_, _| {});
     let said = found.iter().map(ToString::to_string).collect();
     (said, counted.calls.get())
 }
