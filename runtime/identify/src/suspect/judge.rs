@@ -329,6 +329,23 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if out.is_empty() {
         out.extend(missed_by_series(columns, sample, &findings.errors));
     }
+    without_repeated(out)
+}
+
+/// The suspicions without those that an earlier one already gives the columns for.
+fn without_repeated(all: Vec<Suspicion>) -> Vec<Suspicion> {
+    let mut out: Vec<Suspicion> = Vec::with_capacity(all.len());
+    for own in all {
+        let is_given = |earlier: &Suspicion| match (&earlier.remedy, &own.remedy) {
+            (Remedy::Read { columns: first, .. }, Remedy::Read { columns, .. }) => {
+                !columns.is_empty() && first == columns
+            }
+            _ => false,
+        };
+        if !out.iter().any(is_given) {
+            out.push(own);
+        }
+    }
     out
 }
 
@@ -821,6 +838,29 @@ mod tests {
             given: &[],
             model,
         }
+    }
+
+    #[test]
+    fn one_remedy_is_told_once() {
+        let model = swings(true);
+        let columns = columns(&model);
+        let flips = |what: &str, efforts: &[usize]| {
+            let flipped = columns.with_flipped_signs(efforts);
+            columns.suspicion(what.to_owned(), Remedy::columns(flipped))
+        };
+        let light = || columns.light(&[0]);
+        let all = vec![
+            flips("a", &[0]),
+            light(),
+            flips("b", &[0]),
+            flips("c", &[1]),
+            light(),
+        ];
+        let found = without_repeated(all);
+        let words: Vec<&str> = found.iter().map(|own| own.what.as_str()).collect();
+        // advice without columns may be the same for several
+        assert_eq!(words.len(), 4);
+        assert_eq!((words[0], words[2]), ("a", "c"));
     }
 
     #[test]

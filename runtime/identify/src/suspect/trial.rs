@@ -39,6 +39,8 @@ const MIN_PAIRS: usize = 50;
 const MAX_LOSS_OF_SIGNS: f64 = 1.02;
 /// The part by which a zero that was found is changed to find a better one.
 const PART_OF_ZERO: f64 = 0.1;
+/// A zero that is a whole number of quarters of a turn, but for rounding, is round.
+const MAX_OFF_QUARTERS: f64 = 1e-9;
 /// The smallest error of an effort that is compared, percent.
 const LEAST_ERROR: f64 = 0.1;
 /// The number of states of a short trial, unless the parameters need more.
@@ -156,7 +158,9 @@ impl Fitted {
         let Some((place, zero)) = zeros.next().map(|(k, own)| (k, own.offset)) else {
             return self;
         };
-        if self.change.number_count() != 1 {
+        let quarters = zero / core::f64::consts::FRAC_PI_2;
+        let is_round = (quarters - quarters.round()).abs() < MAX_OFF_QUARTERS;
+        if self.change.number_count() != 1 || is_round {
             return self;
         }
         let at = |offset: f64| {
@@ -408,8 +412,103 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::swings_for_tests::{swings, with};
+    use super::super::swings_for_tests::{Swings, sample, swings, with};
     use super::*;
+    use crate::data::Quantity;
+
+    /// The statistics of an effort of which this part is left, percent.
+    fn left(percent: f64) -> Vec<EffortError> {
+        vec![EffortError {
+            name: "q1".to_owned(),
+            samples: 100,
+            relative_absolute: percent,
+            rms: percent,
+            relative_rms: percent,
+            largest: 3.0 * percent,
+            autocorrelation: Vec::new(),
+            whiteness_p_value: 0.5,
+        }]
+    }
+
+    fn columns_of(model: &Swings) -> LogColumns<'_, Swings> {
+        LogColumns {
+            file: "log.csv",
+            given: &[],
+            model,
+        }
+    }
+
+    /// A change of the zero of the first position, and one of that of the third.
+    fn shifted(first: f64, third: f64) -> Change {
+        let one = |place: usize, zero: f64| {
+            let mut out = Change::none(3, 3);
+            out.positions[place].offset = zero;
+            (out.before, out.after) = (vec![0.1; 3], vec![0.02; 3]);
+            out
+        };
+        Change {
+            rival: Some(Box::new(one(2, third))),
+            ..one(0, first)
+        }
+    }
+
+    /// The change that is told if the whole log is fitted so, as an assignment.
+    fn told(change: &Change, whole: &WholeFit<'_>) -> Option<Assignment> {
+        let model = swings(true);
+        let found = columns_of(&model).tried(change, &sample(), &[], whole)?;
+        let Remedy::Read { columns, .. } = found.remedy else {
+            return None;
+        };
+        columns.first().cloned()
+    }
+
+    #[test]
+    fn of_two_zeros_the_one_with_which_the_whole_log_fits_is_told_with_its_best_value() {
+        let change = shifted(0.1, -0.2);
+        let whole = |columns: &[Assignment]| {
+            Some(match columns.first() {
+                None => left(10.0),
+                Some(own) if own.quantity == Quantity::Position("q1".to_owned()) => left(5.0),
+                Some(own) => left(f64::hypot(1.0, 50.0 * (own.offset + 0.18))),
+            })
+        };
+        let found = told(&change, &whole).unwrap();
+        assert_eq!(found.quantity, Quantity::Position("q3".to_owned()));
+        assert!((found.offset + 0.18).abs() < 1e-12, "{found:?}");
+        // without fits, the sample decides
+        let found = told(&change, &|_| None);
+        assert_eq!(found, None, "the errors were known");
+        let open = Change {
+            before: Vec::new(),
+            ..change
+        };
+        assert!((told(&open, &|_| None).unwrap().offset - 0.1).abs() < 1e-12);
+        // a quarter of a turn is what somebody chose
+        let quarter = core::f64::consts::FRAC_PI_2;
+        let away = |columns: &[Assignment]| {
+            let off = columns.first().map_or(1.0, |own| own.offset - 1.5);
+            Some(left(1.0 + off.abs()))
+        };
+        let found = told(&shifted(quarter, 3.0), &away).unwrap();
+        assert!((found.offset - quarter).abs() < 1e-4, "{found:?}");
+    }
+
+    #[test]
+    fn what_does_not_lessen_the_errors_of_the_whole_log_is_not_told() {
+        let with_left = |percent: f64| {
+            move |columns: &[Assignment]| {
+                Some(left(if columns.is_empty() { 10.0 } else { percent }))
+            }
+        };
+        let change = shifted(0.1, -0.2);
+        assert!(told(&change, &with_left(9.0)).is_some());
+        assert!(told(&change, &with_left(10.5)).is_none());
+        let mut signs = Change::none(3, 3);
+        signs.efforts[0].factor = -1.0;
+        signs.sign = true;
+        assert!(told(&signs, &with_left(10.1)).is_some());
+        assert!(told(&signs, &with_left(10.5)).is_none());
+    }
 
     fn of_errors(error: f64, nominal: f64, correlation: f64, implausible: usize) -> Trial {
         Trial {
