@@ -573,7 +573,8 @@ fn the_zero_of_a_position_that_is_not_that_of_the_spec_is_told_with_its_size() {
         let run = identify(&dir, &text, &[]).ended(0);
         let (_, told) = run.err.split_once(":offset:").expect(&run.err);
         let size: f64 = told.trim().trim_end_matches('\'').parse().unwrap();
-        assert!((size + zero).abs() < 0.02 * zero.abs(), "{size} {zero}");
+        // this log itself fits best with zeros that are 1.5 mrad off, which its noise does
+        assert!((size + zero).abs() < 0.002, "{size} {zero}");
         let option = format!("{name}={name}:offset:{size}");
         let run = identify(&dir, &text, &["--column", &option, "--format", "json"]).ended(0);
         assert!(
@@ -592,7 +593,7 @@ fn the_zero_of_a_position_that_is_not_that_of_the_spec_is_told_with_its_size() {
             .split_once(&format!("{name}={name}:offset:"))
             .expect(&run.err);
         let size: f64 = told.split('\'').next().unwrap().parse().unwrap();
-        assert!((size + zero).abs() < 0.07 * zero, "{size} {zero}");
+        assert!((size + zero).abs() < 0.002, "{size} {zero}");
     }
 }
 

@@ -163,34 +163,45 @@ impl Fitted {
         if self.change.number_count() != 1 || is_round {
             return self;
         }
+        let first = self.change.clone();
         let at = |offset: f64| {
-            let mut change = self.change.clone();
+            let mut change = first.clone();
             let positions = change.positions.iter_mut().skip(place).take(1);
             positions.for_each(|own| own.offset = offset);
             fitted(&change)
+        };
+        let here = self.errors.clone();
+        let squares = |own: &Self| {
+            let pairs = own.errors.iter().zip(&here);
+            let ratios = pairs.map(|(own, here)| own.relative_rms / here.relative_rms);
+            let ratios = ratios.filter(|ratio| ratio.is_finite());
+            ratios.map(|ratio| ratio * ratio).sum::<f64>()
         };
         let step = PART_OF_ZERO * zero;
         let (Some(below), Some(above)) = (at(zero - step), at(zero + step)) else {
             return self;
         };
-        let squares = |own: &Self| {
-            let pairs = own.errors.iter().zip(&self.errors);
-            let ratios = pairs.map(|(own, here)| own.relative_rms / here.relative_rms);
-            let ratios = ratios.filter(|ratio| ratio.is_finite());
-            ratios.map(|ratio| ratio * ratio).sum::<f64>()
-        };
-        let [low, here, high] = [&below, &self, &above].map(squares);
-        let curvature = low + high - 2.0 * here;
-        let best = (curvature > 0.0).then(|| {
-            let steps = 0.5 * (low - high) / curvature;
-            at(zero + step * steps.clamp(-2.0, 2.0))
-        });
-        let all = [Some(below), Some(above), best.flatten()];
-        let all = all.into_iter().flatten();
-        let best = all.min_by(|a, b| log_product(&a.errors).total_cmp(&log_product(&b.errors)));
-        best.filter(|best| log_product(&best.errors) < log_product(&self.errors))
-            .unwrap_or(self)
+        let fits = [(zero - step, &below), (zero, &self), (zero + step, &above)];
+        let lowest = lowest_of_parabola(fits.map(|(x, own)| (x, squares(own))));
+        let within = |x: &f64| (x - zero).abs() < 3.0 * step.abs();
+        let best = lowest.filter(within).and_then(at);
+        let others = [below, above].into_iter().chain(best);
+        others.fold(self, |best, own| {
+            if squares(&own) < squares(&best) {
+                own
+            } else {
+                best
+            }
+        })
     }
+}
+
+/// Where the parabola through three points is lowest; `None` if it is not.
+fn lowest_of_parabola([a, b, c]: [(f64, f64); 3]) -> Option<f64> {
+    let slope = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 - a.0);
+    let (first, second) = (slope(a, b), slope(b, c));
+    let curvature = (second - first) / (c.0 - a.0);
+    (curvature > 0.0).then(|| 0.5 * (a.0 + b.0 - first / curvature))
 }
 
 impl Trial {
