@@ -3,7 +3,7 @@
 //! | format | first bytes | paths of arrays |
 //! |---|---|---|
 //! | NPY, NPZ of NumPy | `\x93NUMPY`, `PK` | `q`, fields of records as `data.q` |
-//! | MAT of MATLAB, levels 5 and 7.3 | `MATLAB 5.0`, HDF5 | `data.q`, `state[3].q`, cells as `c[2]` |
+//! | MAT of MATLAB, levels 4, 5 and 7.3 | a head of zeros, `MATLAB 5.0`, HDF5 | `data.q`, `state[3].q`, cells as `c[2]` |
 //! | HDF5 | `\x89HDF` | `group/q`, members of compounds as `group/data.q` |
 //! | MDF 4 of ASAM | `MDF     4` | `group/channel` |
 //! | TDMS of LabVIEW | `TDSm` | `group/channel` |
@@ -19,6 +19,7 @@ mod error;
 mod hdf5;
 mod input;
 mod mat;
+mod mat4;
 mod mdf;
 mod npy;
 mod number;
@@ -41,6 +42,7 @@ enum Format {
     Npy,
     Zip,
     Mat,
+    Mat4,
     Hdf5,
     Mdf,
     Tdms,
@@ -75,6 +77,8 @@ impl Format {
             Some(Self::Zip)
         } else if mat::begins(start) {
             Some(Self::Mat)
+        } else if mat4::begins(start) {
+            Some(Self::Mat4)
         } else if hdf5::begin(start).is_some() {
             Some(Self::Hdf5)
         } else if start.starts_with(mdf::MAGIC) || start.starts_with(mdf::UNFINISHED) {
@@ -138,6 +142,7 @@ fn read(input: &mut Input, path: &Path) -> Read<Found> {
         }
         Some(Format::Zip) => npy::open_zip(input)?,
         Some(Format::Mat) => mat::open(input, &start)?,
+        Some(Format::Mat4) => mat4::open(input)?,
         Some(Format::Hdf5) => hdf5::open(input, &start)?,
         Some(Format::Mdf) => mdf::open(input, &start)?,
         Some(Format::Tdms) => tdms::open(input)?,

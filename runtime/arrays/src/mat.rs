@@ -7,7 +7,7 @@ use flate2::read::ZlibDecoder;
 use crate::array::{Array, Container, Found, require_few};
 use crate::error::{Read, broken, refused};
 use crate::input::{Fields, Input, exactly, pass, text};
-use crate::number::{Kind, Stored, of_records};
+use crate::number::{Kind, Stored, index, of_records};
 
 /// The length of the header.
 const HEADER_BYTES: u64 = 128;
@@ -19,6 +19,8 @@ const MAX_ELEMENTS: usize = 1000;
 const MAX_NAMES: u64 = 1 << 16;
 /// The largest number of arrays of arrays of one variable.
 const MAX_PARTS: usize = 200_000;
+/// The most numbers of all sparse matrices of a file, which are filled with zeros: 64 MB.
+pub(crate) const MAX_FILLED: u64 = 1 << 23;
 
 /// Types of elements.
 const COMPRESSED: u32 = 15;
@@ -58,6 +60,8 @@ struct Place {
     start: u64,
     length: u64,
     stored: Stored,
+    /// The rows and columns of a sparse matrix, of which `start` is the list of rows.
+    sparse: Option<[u64; 2]>,
 }
 
 /// The variables of a file.
@@ -70,6 +74,16 @@ impl Container for Mat {
             return refused("it has disappeared");
         };
         let (at, length, compressed) = own.variable;
+        if let Some(shape) = own.sparse {
+            let mut stream = stream(input, own.variable)?;
+            pass(&mut stream, own.start)?;
+            return Content {
+                stream,
+                place: own.start,
+                big: own.stored.big,
+            }
+            .sparse(shape);
+        }
         let bytes = if compressed {
             let mut stream = ZlibDecoder::new(input.stream(at, length)?);
             pass(&mut stream, own.start)?;
@@ -135,11 +149,16 @@ impl Content<'_> {
 
     /// The data of a small element.
     fn small(&mut self) -> Read<Vec<u8>> {
+        Ok(self.element(MAX_NAMES)?.1)
+    }
+
+    /// The type and the data of an element of at most so many bytes.
+    fn element(&mut self, most: u64) -> Read<(u32, Vec<u8>)> {
         let tag = self.tag()?;
         if let Some(short) = tag.short {
-            return Ok(short);
+            return Ok((tag.kind, short));
         }
-        if tag.length > MAX_NAMES {
+        if tag.length > most {
             return broken(format!(
                 "a name or a list of sizes in it has {} bytes",
                 tag.length
@@ -147,8 +166,83 @@ impl Content<'_> {
         }
         let bytes = self.take(tag.length)?;
         self.pass(padding(tag.length))?;
-        Ok(bytes)
+        Ok((tag.kind, bytes))
     }
+
+    /// The numbers of a sparse matrix: the row of each entry, the number of entries before each column, the entries.
+    fn sparse(&mut self, shape: [u64; 2]) -> Read<Vec<f64>> {
+        let most = 8 * MAX_FILLED;
+        let list = |content: &mut Self| -> Read<Vec<f64>> {
+            let (kind, bytes) = content.element(most)?;
+            match stored(kind, content.big) {
+                Some(stored) => of_records(&bytes, stored.size, 0, stored),
+                None => broken(format!("a sparse matrix of it has numbers of type {kind}")),
+            }
+        };
+        let (rows, before, values) = (list(self)?, list(self)?, list(self)?);
+        let mut places = Vec::new();
+        for (j, ends) in before.windows(2).enumerate() {
+            if let [from, to] = ends {
+                // what is negative or no number becomes 0
+                let count = index(to - from) as usize;
+                if count > values.len() - places.len() {
+                    return broken("a sparse matrix of it has numbers outside of it");
+                }
+                places.extend(std::iter::repeat_n(j as u64, count));
+            }
+        }
+        let entries = rows.iter().zip(places).zip(values);
+        filled(shape, entries.map(|((i, j), value)| (index(*i), j, value)))
+    }
+}
+
+/// Takes the numbers of a sparse matrix, zeros included, from those that a file may still have; why not, if there
+/// are too many.
+pub(crate) fn take_filled(shape: &[u64], left: &mut u64) -> Option<String> {
+    let count = shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n));
+    match count.and_then(|count| left.checked_sub(count)) {
+        Some(rest) => *left = rest,
+        None => {
+            return Some(format!(
+                "it is a sparse matrix of {shape:?} numbers, and those of a file may have {MAX_FILLED}, zeros \
+                 included: save `full` of the columns of the log"
+            ));
+        }
+    }
+    None
+}
+
+/// The numbers of a sparse matrix by columns, with zeros where it has no entry.
+///
+/// - `entries`: row and column from 0, and the number.
+pub(crate) fn filled(
+    [rows, columns]: [u64; 2],
+    entries: impl Iterator<Item = (u64, u64, f64)>,
+) -> Read<Vec<f64>> {
+    let count = rows.saturating_mul(columns);
+    let mut out = vec![0.0; count.min(MAX_FILLED) as usize];
+    for (i, j, value) in entries {
+        let inside = i < rows && j < columns;
+        let place = j.saturating_mul(rows).saturating_add(i);
+        match out.get_mut(place as usize).filter(|_| inside) {
+            Some(own) => *own = value,
+            None => return broken("a sparse matrix of it has numbers outside of it"),
+        }
+    }
+    Ok(out)
+}
+
+/// The content of a variable, decompressed.
+fn stream(
+    input: &mut Input,
+    (at, length, compressed): (u64, u64, bool),
+) -> Read<Box<dyn io::Read + '_>> {
+    let stream = input.stream(at, length)?;
+    Ok(if compressed {
+        Box::new(ZlibDecoder::new(stream))
+    } else {
+        Box::new(stream)
+    })
 }
 
 /// The bytes behind an element that make its length a multiple of 8.
@@ -157,13 +251,14 @@ fn padding(length: u64) -> u64 {
 }
 
 /// The arrays of a file while it is read.
-#[derive(Default)]
 struct Reader {
     arrays: Vec<Array>,
     places: Vec<Place>,
     unread: Vec<(String, String)>,
     /// The arrays of arrays of the present variable.
     parts: usize,
+    /// The numbers that sparse matrices may still have.
+    left: u64,
 }
 
 impl Reader {
@@ -222,8 +317,12 @@ impl Reader {
         let own = text(&content.small()?);
         let name = name.unwrap_or(own);
         let count = shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n));
+        if depth == 0 && name.is_empty() {
+            // what objects of MATLAB consist of
+            return skip_to(content, end);
+        }
         match class {
-            6..=15 if complex => self.leave(name, "it has complex numbers")?,
+            5..=15 if complex => self.leave(name, "it has complex numbers")?,
             6..=15 => {
                 let tag = content.tag()?;
                 // few numbers are in the tag, behind its first 4 bytes
@@ -251,6 +350,7 @@ impl Reader {
                     start,
                     length: tag.length,
                     stored,
+                    sparse: None,
                 });
                 require_few(self.places.len())?;
             }
@@ -300,7 +400,31 @@ impl Reader {
                 }
             }
             4 => self.leave(name, "it has text")?,
-            5 => self.leave(name, "it is a sparse matrix: save `full` of it")?,
+            5 => {
+                let (Ok(sparse), Some(stored)) = (
+                    <[u64; 2]>::try_from(shape.as_slice()),
+                    stored(9, content.big),
+                ) else {
+                    return broken(format!("{name} is a sparse matrix of {} axes", shape.len()));
+                };
+                if let Some(why) = take_filled(&shape, &mut self.left) {
+                    self.leave(name, &why)?;
+                    return skip_to(content, end);
+                }
+                self.arrays.push(Array {
+                    columns_first: true,
+                    place: self.places.len(),
+                    ..Array::new(name, shape)
+                });
+                self.places.push(Place {
+                    variable,
+                    start: content.place,
+                    length: 0,
+                    stored,
+                    sparse: Some(sparse),
+                });
+                require_few(self.places.len())?;
+            }
             _ => self.leave(name, "it is a function or an object of MATLAB, not numbers")?,
         }
         skip_to(content, end)
@@ -318,7 +442,13 @@ fn skip_to(content: &mut Content<'_>, end: u64) -> Read<()> {
 /// Opens a file.
 pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
     let big = start.get(126) == Some(&b'M');
-    let mut reader = Reader::default();
+    let mut reader = Reader {
+        arrays: Vec::new(),
+        places: Vec::new(),
+        unread: Vec::new(),
+        parts: 0,
+        left: MAX_FILLED,
+    };
     let mut at = HEADER_BYTES;
     while at < input.len() {
         // some writers fill up the end
@@ -337,7 +467,6 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
             ));
         }
         reader.parts = 0;
-        let is_compressed = kind == COMPRESSED;
         // the tag of an array that is not compressed belongs to it
         let variable = match kind {
             COMPRESSED => (begin, length, true),
@@ -348,14 +477,8 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
                 ));
             }
         };
-        let stream = input.stream(variable.0, variable.1)?;
-        let stream: Box<dyn io::Read> = if is_compressed {
-            Box::new(ZlibDecoder::new(stream))
-        } else {
-            Box::new(stream)
-        };
         let mut content = Content {
-            stream,
+            stream: stream(input, variable)?,
             place: 0,
             big,
         };

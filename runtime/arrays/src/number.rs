@@ -68,6 +68,12 @@ fn half(bits: u16) -> f64 {
     sign * size
 }
 
+/// An index that is stored as a number: 0 for what is negative or no number.
+#[expect(clippy::cast_sign_loss, reason = "the cast saturates")]
+pub(crate) fn index(number: f64) -> u64 {
+    number as u64
+}
+
 /// The numbers at an offset in each of equal records.
 pub(crate) fn of_records(
     bytes: &[u8],

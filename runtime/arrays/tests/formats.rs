@@ -116,9 +116,41 @@ fn variables_of_matlab() {
             );
         }
     }
-    let table = &open("level5.mat")[0];
-    assert!(table.why_absent("thin").unwrap().contains("sparse"));
-    assert!(table.why_absent("wave").unwrap().contains("complex"));
+    // sparse matrices have their zeros
+    let thin = |j: u32| {
+        move |k: f64| {
+            if k % 2.0 == 0.0 {
+                effort(f64::from(j))(k)
+            } else {
+                0.0
+            }
+        }
+    };
+    for name in ["level4.mat", "level5.mat", "level5_compressed.mat"] {
+        let table = &open(name)[0];
+        for j in 0..2 {
+            assert_column(table, &format!("thin[:,{j}]"), thin(j));
+        }
+        assert!(table.why_absent("wave").unwrap().contains("complex"));
+    }
+    let table = &open("level4.mat")[0];
+    assert_motion(table, ["t", "q[:,#]", "tau[:,#]"]);
+    assert_column(table, "counts", |k| k - 5.0);
+    assert!(table.why_absent("thinwave").unwrap().contains("complex"));
+    assert!(table.why_absent("note").unwrap().contains("text"));
+    let table = &open("objects73.mat")[0];
+    assert_eq!(table.titles(), ["t"]);
+    assert!(
+        table
+            .why_absent("thin")
+            .unwrap()
+            .contains("save `full` of it")
+    );
+    let series = table.why_absent("series").unwrap();
+    assert!(
+        series.contains("timeseries") && series.contains("out.q.Data"),
+        "{series}"
+    );
 }
 
 #[test]

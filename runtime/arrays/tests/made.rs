@@ -318,3 +318,98 @@ fn sizes_that_a_header_claims_take_no_memory() {
         );
     }
 }
+
+/// An element of a MAT file of level 5.
+fn element(kind: u32, data: &[u8]) -> Vec<u8> {
+    let head = [kind, data.len() as u32].map(u32::to_le_bytes).concat();
+    let fill = vec![0; data.len().next_multiple_of(8) - data.len()];
+    [head.as_slice(), data, &fill].concat()
+}
+
+/// A MAT file of level 5 with matrices of these parts.
+fn level5(matrices: &[&[Vec<u8>]]) -> Vec<u8> {
+    let head = format!("{:124}\0\u{1}IM", "MATLAB 5.0 MAT-file");
+    let matrices = matrices.iter().map(|parts| element(14, &parts.concat()));
+    [vec![head.into_bytes()], matrices.collect()]
+        .concat()
+        .concat()
+}
+
+/// The first part of a matrix: its class.
+fn class(number: u32) -> Vec<u8> {
+    element(6, &[number, 0].map(u32::to_le_bytes).concat())
+}
+
+fn numbers(kind: u32, all: &[u32]) -> Vec<u8> {
+    element(
+        kind,
+        &all.iter()
+            .flat_map(|x| x.to_le_bytes())
+            .collect::<Vec<u8>>(),
+    )
+}
+
+#[test]
+fn objects_of_matlab_are_told_and_what_they_consist_of_is_no_column() {
+    let vector = |name: &str, count: u32| {
+        let doubles: Vec<u8> = (0..count)
+            .flat_map(|k| f64::from(k).to_le_bytes())
+            .collect();
+        [
+            class(6),
+            numbers(5, &[count, 1]),
+            element(1, name.as_bytes()),
+            element(9, &doubles),
+        ]
+    };
+    let kind = [element(1, b"MCOS"), element(1, b"timeseries")].concat();
+    let reference = [
+        class(13),
+        numbers(5, &[6, 1]),
+        element(1, b""),
+        numbers(6, &[7; 6]),
+    ]
+    .concat();
+    let object = [class(17), element(1, b"q"), kind, element(14, &reference)];
+    let whole = level5(&[&vector("t", 3), &object, &vector("", 3)]);
+    assert_eq!(only("object", &whole), [named("t", &[0.0, 1.0, 2.0])]);
+    let alone = read("alone", &level5(&[&object])).unwrap_err().to_string();
+    assert!(
+        alone.contains("q: it is an object of MATLAB") && alone.contains("out.q.Data"),
+        "{alone}"
+    );
+}
+
+#[test]
+fn sparse_matrices_beyond_themselves_or_the_limit_are_told() {
+    let sparse = |rows: u32, row: u32, before: [u32; 2]| {
+        let one = element(9, &1.5_f64.to_le_bytes());
+        let lists = [numbers(5, &[row]), numbers(5, &before), one].concat();
+        [class(5), numbers(5, &[rows, 1]), element(1, b"t"), lists]
+    };
+    let read = |name, parts: &[Vec<u8>]| read(name, &level5(&[parts]));
+    assert_eq!(
+        read("in", &sparse(3, 2, [0, 1])).unwrap()[0],
+        [named("t", &[0.0, 0.0, 1.5])]
+    );
+    for (name, parts, expected) in [
+        ("row", sparse(3, 3, [0, 1]), "numbers outside of it"),
+        ("more", sparse(3, 2, [0, 9]), "numbers outside of it"),
+        ("large", sparse(1 << 31, 2, [0, 1]), "zeros included"),
+    ] {
+        let error = read(name, &parts).unwrap_err().to_string();
+        assert!(error.contains(expected), "{name}: {error}");
+    }
+    // the same of level 4: row, column and number of an entry, and the size behind it
+    let level4 = |all: [f64; 6]| {
+        let head = [2_u32, 2, 3, 0, 2].map(u32::to_le_bytes).concat();
+        [
+            head,
+            b"t\0".to_vec(),
+            all.iter().flat_map(|x| x.to_le_bytes()).collect(),
+        ]
+        .concat()
+    };
+    let found = only("level4", &level4([2.0, 3.0, 1.0, 1.0, 1.5, 0.0]));
+    assert_eq!(found, [named("t", &[0.0, 1.5, 0.0])]);
+}

@@ -67,8 +67,34 @@ def variables():
     }
 
 
+def objects_of_level_73(path):
+    """What MATLAB keeps of a sparse matrix and of a timeseries, which no Python package writes."""
+    with h5py.File(path, "w", userblock_size=512, track_order=False) as file:
+        file.create_dataset("t", data=T[None, :]).attrs["MATLAB_class"] = np.bytes_("double")
+        thin = file.create_group("thin")
+        thin.attrs["MATLAB_class"], thin.attrs["MATLAB_sparse"] = np.bytes_("double"), np.uint64(ROWS)
+        thin["data"], thin["ir"], thin["jc"] = T[:2], np.arange(2, dtype="u8"), np.array([0, 2], dtype="u8")
+        series = file.create_dataset("series", data=np.arange(6, dtype="u4")[:, None])
+        series.attrs["MATLAB_class"], series.attrs["MATLAB_object_decode"] = np.bytes_("timeseries"), np.int32(3)
+    head = b"MATLAB 7.3 MAT-file, made by hand".ljust(124) + b"\0\2IM"
+    with open(path, "r+b") as file:
+        file.write(head)
+
+
 def mat_files():
-    more = {"thin": scipy.sparse.csc_matrix(np.eye(3)), "wave": np.exp(1j * T)[:, None]}
+    # every second row is zero
+    thin = np.where(K[:, None] % 2 == 0, TAU, 0)
+    more = {"thin": scipy.sparse.csc_matrix(thin), "wave": np.exp(1j * T)[:, None]}
+    level4 = {
+        "t": T[:, None],
+        "q": Q,
+        "tau": TAU.astype("f4"),
+        "counts": (K - 5).astype("i2")[:, None],
+        "note": "made by hand",
+        "thinwave": scipy.sparse.csc_matrix(1j * thin),
+    }
+    scipy.io.savemat(OUT / "level4.mat", level4 | more, format="4")
+    objects_of_level_73(OUT / "objects73.mat")
     scipy.io.savemat(OUT / "level5.mat", variables() | more)
     scipy.io.savemat(OUT / "level5_compressed.mat", variables() | more, do_compression=True)
     (OUT / "level73.mat").unlink(missing_ok=True)
@@ -156,6 +182,9 @@ def seeds():
     np.savez_compressed(SEEDS / "npz_packed", **log)
     scipy.io.savemat(SEEDS / "mat", {"data": log}, appendmat=False)
     scipy.io.savemat(SEEDS / "mat_packed", log, appendmat=False, do_compression=True)
+    thin = scipy.sparse.csc_matrix(log["q1"][:, None])
+    scipy.io.savemat(SEEDS / "mat4", {own: log[own][:, None] for own in log} | {"q1": thin}, format="4", appendmat=False)
+    scipy.io.savemat(SEEDS / "mat_sparse", {own: log[own][:, None] for own in log} | {"q1": thin}, appendmat=False)
     for name, version, options in (
         ("hdf5", "earliest", {}),
         ("hdf5_packed", "earliest", {"chunks": (5,), "compression": "gzip", "shuffle": True}),

@@ -188,6 +188,9 @@ impl Walk<'_> {
         };
         self.above.insert(at);
         let found = match &object.storage {
+            None if self.is_matlab && object.is_sparse => {
+                self.leave(path, "it is a sparse matrix: save `full` of it")
+            }
             Some(_) => self.data_set(&object, path, parent),
             None => self.group(&object, path),
         };

@@ -87,6 +87,8 @@ pub(super) struct Object {
     pub(super) more_links: Vec<Links>,
     /// The attribute `MATLAB_class`; empty without one.
     pub(super) class: String,
+    /// Whether the attribute `MATLAB_sparse` is there, which makes a group the parts of a sparse matrix.
+    pub(super) is_sparse: bool,
     /// Whether the attribute `MATLAB_empty` says so.
     pub(super) is_empty: bool,
     filters: Vec<Filter>,
@@ -241,6 +243,7 @@ impl Object {
         match &*name {
             "MATLAB_class" => text(fields.rest()).trim_end().clone_into(&mut self.class),
             "MATLAB_empty" => self.is_empty = fields.rest().first().is_some_and(|own| *own != 0),
+            "MATLAB_sparse" => self.is_sparse = true,
             _ => {}
         }
         Ok(())

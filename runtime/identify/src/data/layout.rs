@@ -158,7 +158,7 @@ fn check<'a>(
     let mut titles = tables.iter().flat_map(|t| &t.titles);
     // letters beyond ASCII may be of any encoding; UTF-16 and binary files have control characters
     if titles.any(|title| title.contains(char::is_control)) {
-        let why = "it is no text in UTF-8, and in none of the formats of logs (Parquet, MAT of level 5 or 7.3, HDF5, \
+        let why = "it is no text in UTF-8, and in none of the formats of logs (Parquet, MAT of level 4, 5 or 7.3, HDF5, \
              NPY, NPZ, MDF 4, TDMS, MCAP, ROS 2): save it as CSV in UTF-8 (a file in UTF-16 can be converted)";
         return Err(why.to_owned().into());
     }

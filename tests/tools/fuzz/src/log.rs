@@ -134,11 +134,12 @@ pub fn bag(bytes: &[u8]) {
     }
 }
 
-/// First bytes of files of arrays: NPY, NPZ, MAT, HDF5, MDF and TDMS.
-const ARRAYS: [&[u8]; 6] = [
+/// First bytes of files of arrays: NPY, NPZ, MAT 5 and 4, HDF5, MDF and TDMS.
+const ARRAYS: [&[u8]; 7] = [
     b"\x93NUMPY",
     b"PK\x03\x04",
     b"MATLAB",
+    b"\0\0\0\0",
     b"\x89HDF\r\n\x1a\n",
     b"MDF     ",
     b"TDSm",
