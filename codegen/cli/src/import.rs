@@ -1,4 +1,4 @@
-//! `regen import`: converts URDF, SDF and MJCF files to specs.
+//! `regen import`: converts URDF, SDF, MJCF and USD files to specs.
 
 use std::fs;
 

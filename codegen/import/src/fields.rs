@@ -1,8 +1,12 @@
 //! Parsing of attribute values, with errors at the attribute.
 
+use std::f64::consts::PI;
+
 use crate::log::Log;
 use crate::number::printed_multiple;
-use crate::pose::V3;
+use crate::pose::{
+    M3, ROUNDING_TOLERANCE, UNIT, V3, about, from_quaternion, product, same_rotation, transposed,
+};
 use crate::xml::Attribute;
 
 /// Parses values, and decides whether angles keep their printed digits.
@@ -113,6 +117,27 @@ impl Fields<'_> {
         }
         unit
     }
+
+    /// The rotation of a quaternion w, x, y, z. Few digits stand for the exact rotation, unless `exact` is set.
+    pub(crate) fn quaternion(&mut self, attribute: &Attribute) -> Option<M3> {
+        let q = self.array::<4>(attribute)?;
+        let Some(r) = from_quaternion(q) else {
+            let hint = "write w x y z of a rotation";
+            let message = "a quaternion of length zero";
+            self.log.error(attribute.place, message, hint);
+            return None;
+        };
+        let meant = printed_rotation(&r, q, &attribute.value);
+        let Some((meant, words)) = meant.filter(|_| !self.exact) else {
+            return Some(r);
+        };
+        if !same_rotation(&meant, &r) {
+            let item = format!("'{}'", attribute.value.trim());
+            let text = format!("took {{}} as {words}");
+            self.log.note_digits(attribute.place, text, &item);
+        }
+        Some(meant)
+    }
 }
 
 /// How far an angle is from the next multiple of a right angle, if it is close to one but 0, rad.
@@ -123,4 +148,44 @@ fn off_a_right_angle(angle: f64) -> Option<f64> {
     let turns = libm::round(angle / quarter);
     let off = (angle - turns * quarter).abs();
     (turns != 0.0 && off > 0.0 && off < CLOSE_RAD).then_some(off)
+}
+
+/// The exact rotation that a quaternion with few digits stands for: about a coordinate axis by a
+/// multiple of pi/12, or one that maps coordinate axes to coordinate axes.
+fn printed_rotation(r: &M3, q: [f64; 4], text: &str) -> Option<(M3, String)> {
+    let decimals = text
+        .split_whitespace()
+        .map(|w| w.split_once('.').map_or(0, |(_, f)| f.len()))
+        .max()?;
+    // a quaternion whose norm is far from 1 is not a rounded unit quaternion
+    let rounded =
+        (4..12).contains(&decimals) && (q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-2;
+    let unit_in_last = libm::pow(10.0, -f64::from(i32::try_from(decimals).ok()?));
+    let tolerance = if rounded {
+        6.0 * unit_in_last
+    } else {
+        ROUNDING_TOLERANCE
+    };
+    let [w, x, y, z] = q;
+    let axes = [
+        ([1.0, 0.0, 0.0], x, [y, z], "x"),
+        ([0.0, 1.0, 0.0], y, [x, z], "y"),
+        ([0.0, 0.0, 1.0], z, [x, y], "z"),
+    ];
+    for (axis, part, others, name) in axes {
+        if others != [0.0; 2] {
+            continue;
+        }
+        let angle = 2.0 * libm::atan2(part, w);
+        let multiple = libm::round(angle * 12.0 / PI) * PI / 12.0;
+        if (angle - multiple).abs() <= tolerance {
+            let words = format!("a turn of {} about {name}", crate::number::angle(multiple));
+            return Some((about(axis, multiple), words));
+        }
+    }
+    let nearest = r.map(|row| row.map(libm::round));
+    let near = r.iter().flatten().zip(nearest.iter().flatten());
+    let near = near.into_iter().all(|(a, b)| (a - b).abs() <= tolerance);
+    let is_rotation = product(&nearest, &transposed(&nearest)) == UNIT;
+    (near && is_rotation).then(|| (nearest, "a turn of axes onto axes".to_owned()))
 }

@@ -157,7 +157,7 @@ fn principal(tensor: [f64; 6]) -> ([f64; 3], M3) {
 }
 
 /// The quaternion `w, x, y, z` of a rotation, with `w` at least 0.
-fn quaternion(r: &M3) -> [f64; 4] {
+pub(crate) fn quaternion(r: &M3) -> [f64; 4] {
     // the largest of four times the squares decides, so that nothing cancels
     let [[a, b, c], [d, e, f], [g, h, i]] = *r;
     let squares = [

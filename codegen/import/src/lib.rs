@@ -1,4 +1,4 @@
-//! Import of robot files from other tools, URDF, SDF and MJCF, as specs, and export of identified
+//! Import of robot files from other tools, URDF, SDF, MJCF and USD as text, as specs, and export of identified
 //! parameters to them.
 //!
 //! [`import`] converts the text of a file into the text of a spec: with the file's names, limits,
@@ -54,6 +54,7 @@ mod sdf;
 mod tree;
 mod unused;
 mod urdf;
+mod usd;
 mod values;
 mod write;
 mod xml;
@@ -155,7 +156,7 @@ pub struct Imported {
     pub notes: Vec<Note>,
 }
 
-/// Converts a URDF, SDF or MJCF file into a spec. `reader` returns the bytes of included files and of
+/// Converts a URDF, SDF or MJCF file, or one of USD as text, into a spec. `reader` returns the bytes of included files and of
 /// meshes whose volume is needed, by the names given in the file.
 ///
 /// # Errors
@@ -185,7 +186,7 @@ pub fn import(
             let floating = options.names.base;
             format!("what has mass stands still: `{floating} floating` lets it move in space")
         } else {
-            "masses stand in <inertial> of the links that move".to_owned()
+            "masses stand in <inertial> of the links that move, in USD in their MassAPI".to_owned()
         };
         log.error(tree.place, "nothing with mass moves in this file", &hint);
     }
@@ -205,8 +206,7 @@ pub fn import(
 }
 
 /// How the formats are told apart.
-const FIRST_ELEMENTS: &str =
-    "a URDF file starts with <robot>, an MJCF file with <mujoco>, an SDF file with <sdf>";
+const FIRST_ELEMENTS: &str = "a URDF file starts with <robot>, an MJCF file with <mujoco>, an SDF file with <sdf>, one of USD with #usda";
 
 /// Reads the file as a tree of links.
 fn tree(
@@ -239,6 +239,7 @@ fn tree(
         "robot" => (urdf::read(&root, &mut fields, reader)?, urdf::ROWS),
         "mujoco" => (mjcf::read(&root, &mut fields, reader)?, mjcf::ROWS),
         "sdf" => (sdf::read(&root, &mut fields)?, sdf::ROWS),
+        "usda" => (usd::read(&root, &mut fields)?, usd::ROWS),
         other => {
             let message = format!("<{other}> is neither URDF nor MJCF nor SDF");
             log.error(root.place, message, FIRST_ELEMENTS);

@@ -14,7 +14,8 @@ use crate::urdf::closures;
 use crate::xml::{Attribute, Element};
 
 pub(crate) use joints::closure;
-use joints::{SdfJoint, gearbox, spanning};
+use joints::gearbox;
+pub(crate) use joints::{SdfJoint, order, spanning};
 
 /// What of an SDF file has no effect on the dynamics.
 pub(crate) const ROWS: &[Row] = &[
@@ -347,10 +348,18 @@ impl<'a> Reading<'a, '_, '_> {
         let worlds: Vec<Pose> = (self.links.iter())
             .map(|(name, _)| known.get(name).map_or_else(Pose::default, |k| k.1))
             .collect();
-        let in_tree = spanning(&joints, self.links.len());
+        let in_tree = spanning(&joints, self.links.len(), &[]);
         let fixed = model.content_of("static");
         let is_static = fixed.is_some_and(|s| matches!(s.value.trim(), "true" | "1"));
-        let order = self.order(&joints, &in_tree, model, is_static);
+        let first = model.text("canonical_link");
+        let root = first.and_then(|name| self.links.iter().position(|(own, _)| own == name));
+        let order = order(
+            &joints,
+            &in_tree,
+            &self.links,
+            (root, is_static),
+            self.fields,
+        );
         let mut index: BTreeMap<usize, usize> = BTreeMap::new();
         for (link, by) in order {
             let Some((name, element)) = self.links.get(link).cloned() else {
@@ -396,60 +405,6 @@ impl<'a> Reading<'a, '_, '_> {
             }
         }
         closures::read_drake(model, &mut self.tree, self.fields);
-    }
-
-    /// The links in order from the root, each with the joint that carries it.
-    fn order(
-        &mut self,
-        joints: &[SdfJoint<'_>],
-        in_tree: &[bool],
-        model: &Element,
-        is_static: bool,
-    ) -> Vec<(usize, Option<usize>)> {
-        let mut order: Vec<(usize, Option<usize>)> = Vec::new();
-        let mut reached = vec![false; self.links.len()];
-        let kept = || (0..joints.len()).filter(|k| in_tree.get(*k) == Some(&true));
-        for k in kept() {
-            if let [None, Some(link)] | [Some(link), None] = joints[k].links {
-                reached[link] = true;
-                order.push((link, Some(k)));
-            }
-        }
-        if order.is_empty() {
-            let first = model.text("canonical_link");
-            let mut links = self.links.iter();
-            let root = first.and_then(|name| links.position(|(own, _)| own == name));
-            let root = root.unwrap_or(0);
-            if let Some((name, link)) = self.links.get(root) {
-                reached[root] = true;
-                order.push((root, None));
-                if !is_static {
-                    let text = format!(
-                        "nothing fixes '{name}' to the world: it is taken as fixed, unless its base floats"
-                    );
-                    self.fields.log.note(link.place, text);
-                }
-            }
-        }
-        let mut at = 0;
-        while let Some((link, _)) = order.get(at).copied() {
-            at += 1;
-            for k in kept() {
-                if let Some(other) = joints[k].other(link)
-                    && joints[k].links.contains(&Some(link))
-                    && !reached[other]
-                {
-                    reached[other] = true;
-                    order.push((other, Some(k)));
-                }
-            }
-        }
-        for ((name, link), _) in self.links.iter().zip(&reached).filter(|(_, r)| !**r) {
-            let message = format!("no joint connects '{name}' to the rest of the robot");
-            let hint = "connect this link by a joint, or take it out";
-            self.fields.log.error(link.place, message, hint);
-        }
-        order
     }
 
     /// The inertia of a link, and whether the file does not state it.

@@ -253,7 +253,7 @@ fn tying_plugin(element: &Element) -> Option<&str> {
     names.find(|name| ties(name))
 }
 
-fn is_kinematic(name: &str) -> bool {
+pub(crate) fn is_kinematic(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     KINEMATIC.iter().any(|part| name.contains(part))
 }

@@ -9,7 +9,7 @@ use regen_codegen::diag::{Source, Span};
 use crate::log::{Log, Place};
 
 /// Largest depth of nesting; no robot needs as much, and it bounds the recursion.
-const MAX_DEPTH: usize = 300;
+pub(crate) const MAX_DEPTH: usize = 300;
 /// Largest number of attributes of an element: the time of the XML library grows with its square.
 const MAX_ATTRIBUTES: usize = 1000;
 /// Largest number of namespace declarations; the library copies those of the parents with each.
@@ -107,14 +107,8 @@ impl Element {
 /// Reads a file's root element; `None` if an error was recorded.
 pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
     let file = log.add(source.clone());
-    if ["#usda", "PXR-USDC"]
-        .iter()
-        .any(|start| source.text.starts_with(start))
-    {
-        let place = Place::new(file, Span::new(0, 5));
-        let hint = "export the robot as URDF, SDF or MJCF: no maintained Rust library reads the physics of USD";
-        log.error(place, "a USD file, which is not read", hint);
-        return None;
+    if source.text.starts_with("#usda") {
+        return crate::usd::read_text(&source.text, file, log);
     }
     if let Some((at, message)) = excess(&source.text) {
         let place = Place::new(file, Span::new(at, at + 1));
@@ -413,6 +407,19 @@ pub(crate) fn take_out(element: &mut Element, name: &str) -> Vec<Place> {
         }
         is_other
     });
+    // a schema of a prim of USD
+    let lists = element
+        .attributes
+        .iter_mut()
+        .filter(|a| a.name == "apiSchemas");
+    for list in lists {
+        let words = list.value.split(' ').filter(|word| *word != name);
+        let kept = words.collect::<Vec<_>>().join(" ");
+        if kept != list.value {
+            places.push(list.place);
+            list.value = kept;
+        }
+    }
     element.children.retain(|child| {
         let is_other = child.tag != name;
         if !is_other {

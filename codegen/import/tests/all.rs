@@ -12,4 +12,5 @@ mod mjcf;
 mod mutations;
 mod snapshots;
 mod urdf;
+mod usd;
 mod vectors;

@@ -9,7 +9,7 @@ use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_import::{BodyParameters, JointParameters, Options, Parameters, export, import};
 
 /// The links of a five-bar in the plane of x and z, with their first joints' places.
-const LINKS: [(&str, f64, f64); 4] = [
+pub(crate) const LINKS: [(&str, f64, f64); 4] = [
     ("a", 0.1, 0.5),
     ("b", 0.15, 0.7),
     ("c", 0.12, 0.6),
@@ -41,7 +41,7 @@ pub(crate) fn five_bar(rest: &str) -> String {
 }
 
 /// The base parameters of a spec.
-fn base(spec: &str) -> Vec<String> {
+pub(crate) fn base(spec: &str) -> Vec<String> {
     let robot = derive_with(&Source::new("spec.yaml", spec), BaseSource::Derivation).unwrap();
     let base = &robot.analysis.as_ref().unwrap().base;
     let parameters = base.parameters.iter();
@@ -50,7 +50,7 @@ fn base(spec: &str) -> Vec<String> {
     parameters.map(|p| sum(&p.terms)).collect()
 }
 
-fn cuts(spec: &str) -> String {
+pub(crate) fn cuts(spec: &str) -> String {
     let start = spec.find("\ncuts:").unwrap_or_else(|| panic!("{spec}"));
     let end = spec[start..].find("\n\n").unwrap();
     spec[start..start + end].to_owned()

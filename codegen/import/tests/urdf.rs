@@ -428,10 +428,6 @@ fn wrong_files_are_refused_with_the_place_and_a_remedy() {
         ),
         (String::new(), "robot.xml:1:1: the file is not XML"),
         (
-            "#usda 1.0\n(\n)\n".to_owned(),
-            "robot.xml:1:1: a USD file, which is not read (export the robot as URDF, SDF or MJCF",
-        ),
-        (
             "<urdf/>".to_owned(),
             "robot.xml:1:1: <urdf> is neither URDF nor MJCF nor SDF",
         ),

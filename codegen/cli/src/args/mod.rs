@@ -77,7 +77,7 @@ Examples:
   regen generate                     every robot of the workspace
   regen generate --check             is generated/ what regen would write?
   regen eval robots/3rps.yaml --states states.json --format json
-  regen import arm.urdf --out arm.yaml   a URDF, SDF or MJCF file as a spec
+  regen import arm.urdf --out arm.yaml   a URDF, SDF, MJCF or USD file as a spec
   regen excite robots/3rps.yaml --out t.json   an exciting trajectory
   regen inspect log.csv              its columns, rate, noise and period
   regen identify robots/3rps.yaml log.csv --fourier 0.1333,11 --out p.json
@@ -253,7 +253,7 @@ pub(crate) enum Command {
     Verify(VerifyArgs),
     /// Evaluate closure and regressor at given states
     Eval(EvalArgs),
-    /// Convert a URDF, SDF or MJCF file to a spec
+    /// Convert a URDF, SDF, MJCF or USD file to a spec
     Import(ImportArgs),
     /// Write identified parameters into a URDF, SDF or MJCF file
     Export(ExportArgs),

@@ -16,7 +16,7 @@ an error; --ignore leaves it out.
 
 Loops close as the file says: <constraint>, <loop> and <coupling> (URDF+),
 <gazebo><joint>, <drake:ball_constraint> and <drake:weld_constraint> in URDF, a
-robot.yaml beside it with closed_loop, joints that close loops in SDF,
+robot.yaml beside it with closed_loop, joints that close loops in SDF and USD,
 <equality> in MJCF. Ratios of transmissions, gears of actuators and rotors of
 motors become drives.
 
@@ -41,7 +41,7 @@ Examples:
       --cut pin:revolute:coupler@0.35,0,0:rocker@0.30,0,0
   regen import delta.sdf --cut tip:spherical:arm_end:plate_socket")]
 pub(crate) struct ImportArgs {
-    /// The file, URDF, SDF or MJCF
+    /// The file, URDF, SDF, MJCF or USD as text (usda)
     pub(crate) file: PathBuf,
     /// Where the spec is written [default: standard output]; an existing file is
     /// not replaced

@@ -4,8 +4,7 @@ use std::f64::consts::PI;
 
 use super::Reading;
 use crate::pose::{
-    M3, Pose, ROUNDING_TOLERANCE, UNIT, V3, about, cross, difference, dot, from_quaternion, onto,
-    product, scaled, transposed, unit,
+    M3, Pose, UNIT, V3, about, cross, difference, dot, onto, product, scaled, transposed, unit,
 };
 use crate::xml::{Attribute, Element};
 
@@ -48,7 +47,7 @@ impl Reading<'_, '_, '_> {
         let name = own.or_else(by_class)?;
         let attribute = self.attribute(of, name)?;
         let rotation = match name {
-            "quat" => return self.quaternion(&attribute),
+            "quat" => return self.fields.quaternion(&attribute),
             "axisangle" => {
                 let [x, y, z, _] = self.fields.array::<4>(&attribute)?;
                 let angle = self.last_angle(&attribute)?;
@@ -93,66 +92,6 @@ impl Reading<'_, '_, '_> {
         };
         self.angles::<1>(&alone).map(|[angle]| angle)
     }
-
-    fn quaternion(&mut self, attribute: &Attribute) -> Option<M3> {
-        let q = self.fields.array::<4>(attribute)?;
-        let Some(r) = from_quaternion(q) else {
-            let hint = "write w x y z of a rotation";
-            let message = "a quaternion of length zero";
-            self.fields.log.error(attribute.place, message, hint);
-            return None;
-        };
-        let meant = printed_rotation(&r, q, &attribute.value);
-        let Some((meant, words)) = meant.filter(|_| !self.fields.exact) else {
-            return Some(r);
-        };
-        if !crate::pose::same_rotation(&meant, &r) {
-            let item = format!("'{}'", attribute.value.trim());
-            let text = format!("took {{}} as {words}");
-            self.fields.log.note_digits(attribute.place, text, &item);
-        }
-        Some(meant)
-    }
-}
-
-/// The exact rotation that a quaternion with few digits stands for: about a coordinate axis by a
-/// multiple of pi/12, or one that maps coordinate axes to coordinate axes.
-fn printed_rotation(r: &M3, q: [f64; 4], text: &str) -> Option<(M3, String)> {
-    let decimals = text
-        .split_whitespace()
-        .map(|w| w.split_once('.').map_or(0, |(_, f)| f.len()))
-        .max()?;
-    // a quaternion whose norm is far from 1 is not a rounded unit quaternion
-    let rounded =
-        (4..12).contains(&decimals) && (q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-2;
-    let unit_in_last = libm::pow(10.0, -f64::from(i32::try_from(decimals).ok()?));
-    let tolerance = if rounded {
-        6.0 * unit_in_last
-    } else {
-        ROUNDING_TOLERANCE
-    };
-    let [w, x, y, z] = q;
-    let axes = [
-        ([1.0, 0.0, 0.0], x, [y, z], "x"),
-        ([0.0, 1.0, 0.0], y, [x, z], "y"),
-        ([0.0, 0.0, 1.0], z, [x, y], "z"),
-    ];
-    for (axis, part, others, name) in axes {
-        if others != [0.0; 2] {
-            continue;
-        }
-        let angle = 2.0 * libm::atan2(part, w);
-        let multiple = libm::round(angle * 12.0 / PI) * PI / 12.0;
-        if (angle - multiple).abs() <= tolerance {
-            let words = format!("a turn of {} about {name}", crate::number::angle(multiple));
-            return Some((about(axis, multiple), words));
-        }
-    }
-    let nearest = r.map(|row| row.map(libm::round));
-    let near = r.iter().flatten().zip(nearest.iter().flatten());
-    let near = near.into_iter().all(|(a, b)| (a - b).abs() <= tolerance);
-    let is_rotation = product(&nearest, &transposed(&nearest)) == UNIT;
-    (near && is_rotation).then(|| (nearest, "a turn of axes onto axes".to_owned()))
 }
 
 fn euler(angles: V3, sequence: [char; 3]) -> M3 {

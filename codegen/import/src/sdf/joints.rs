@@ -10,19 +10,21 @@ use crate::xml::Element;
 use super::{MODEL, Names, pose};
 
 /// A joint with what it connects.
-pub(super) struct SdfJoint<'e> {
-    pub(super) name: String,
-    pub(super) element: &'e Element,
-    pub(super) kind: &'e str,
+pub(crate) struct SdfJoint<'e> {
+    pub(crate) name: String,
+    pub(crate) element: &'e Element,
+    pub(crate) kind: &'e str,
     /// The links of its parent and its child.
-    pub(super) links: [Option<usize>; 2],
+    pub(crate) links: [Option<usize>; 2],
     /// Its frame in the world, as the file draws the robot.
-    pub(super) frame: Pose,
+    pub(crate) frame: Pose,
     /// Its frame on each of the two links.
-    pub(super) on: [Pose; 2],
+    pub(crate) on: [Pose; 2],
     /// Its coordinates, with axes in the world.
-    pub(super) parts: Vec<Joint>,
-    pub(super) mimics: Vec<Coupling>,
+    pub(crate) parts: Vec<Joint>,
+    pub(crate) mimics: Vec<Coupling>,
+    /// Whether it closes a loop rather than any other joint.
+    pub(crate) is_closing: bool,
 }
 
 impl<'e> SdfJoint<'e> {
@@ -85,6 +87,7 @@ impl<'e> SdfJoint<'e> {
             on: [Pose::default(), pose],
             parts: Vec::new(),
             mimics: Vec::new(),
+            is_closing: false,
         };
         let axes: &[(&str, Kind)] = match joint.kind {
             "fixed" => &[],
@@ -202,7 +205,7 @@ impl<'e> SdfJoint<'e> {
     }
 
     /// The link at the other end than this one.
-    pub(super) fn other(&self, link: usize) -> Option<usize> {
+    pub(crate) fn other(&self, link: usize) -> Option<usize> {
         match self.links {
             [Some(a), b] if a == link => b,
             [a, _] => a,
@@ -210,7 +213,7 @@ impl<'e> SdfJoint<'e> {
     }
 
     /// The joints that carry a link, with axes and anchors in its frame.
-    pub(super) fn moving(&self, link: usize, world: &Pose) -> Vec<Joint> {
+    pub(crate) fn moving(&self, link: usize, world: &Pose) -> Vec<Joint> {
         let back = world.inverse();
         // a link that is the joint's parent moves the other way round
         let is_reversed = self.links[1] != Some(link);
@@ -236,7 +239,7 @@ impl<'e> SdfJoint<'e> {
     }
 
     /// Notes what a cut has not.
-    pub(super) fn note_cut(&self, fields: &mut Fields<'_>) {
+    pub(crate) fn note_cut(&self, fields: &mut Fields<'_>) {
         let text = "joints that close loops have no coordinate, friction or limits in the spec: {}";
         let place = self.element.place;
         fields.log.note_each(place, text, &self.name);
@@ -251,7 +254,7 @@ impl<'e> SdfJoint<'e> {
     }
 
     /// The cut that the joint is between two links of a tree.
-    pub(super) fn cut(&self, links: [Option<usize>; 2]) -> LoopCut {
+    pub(crate) fn cut(&self, links: [Option<usize>; 2]) -> LoopCut {
         let kind = match self.kind {
             "revolute" | "continuous" => "revolute",
             "ball" => "spherical",
@@ -280,7 +283,9 @@ impl<'e> SdfJoint<'e> {
 
 /// Which of the joints form a tree: rigid ones first, then those with coordinates that others name, and
 /// balls last, since a loop is best opened where three coordinates are saved.
-pub(super) fn spanning(joints: &[SdfJoint<'_>], links: usize) -> Vec<bool> {
+///
+/// - `actuated`: more names of joints whose coordinates count.
+pub(crate) fn spanning(joints: &[SdfJoint<'_>], links: usize, actuated: &[String]) -> Vec<bool> {
     let named: BTreeSet<&str> = joints
         .iter()
         .flat_map(|joint| &joint.mimics)
@@ -291,6 +296,7 @@ pub(super) fn spanning(joints: &[SdfJoint<'_>], links: usize) -> Vec<bool> {
                 .map(|t| t.0.as_str())
                 .chain([mimic.joint.as_str()])
         })
+        .chain(actuated.iter().map(String::as_str))
         .collect();
     let rank = |joint: &SdfJoint<'_>| {
         let is_named = joint
@@ -298,6 +304,7 @@ pub(super) fn spanning(joints: &[SdfJoint<'_>], links: usize) -> Vec<bool> {
             .iter()
             .any(|part| named.contains(part.name.as_str()));
         match joint.parts.first().map(|part| part.kind) {
+            _ if joint.is_closing => 5,
             None => 0,
             Some(_) if is_named => 1,
             Some(Kind::Spherical) => 4,
@@ -324,6 +331,60 @@ pub(super) fn spanning(joints: &[SdfJoint<'_>], links: usize) -> Vec<bool> {
         }
     }
     kept
+}
+
+/// The links in order from the root, each with the joint that carries it.
+///
+/// - `root`: the link that is the root if no joint holds one to the world, and whether the file says that it is
+///   fixed there.
+pub(crate) fn order(
+    joints: &[SdfJoint<'_>],
+    in_tree: &[bool],
+    links: &[(String, &Element)],
+    (root, is_static): (Option<usize>, bool),
+    fields: &mut Fields<'_>,
+) -> Vec<(usize, Option<usize>)> {
+    let mut order: Vec<(usize, Option<usize>)> = Vec::new();
+    let mut reached = vec![false; links.len()];
+    let kept = || (0..joints.len()).filter(|k| in_tree.get(*k) == Some(&true));
+    for k in kept() {
+        if let [None, Some(link)] | [Some(link), None] = joints[k].links {
+            reached[link] = true;
+            order.push((link, Some(k)));
+        }
+    }
+    let root = root.unwrap_or(0);
+    if order.is_empty()
+        && let Some((name, link)) = links.get(root)
+    {
+        reached[root] = true;
+        order.push((root, None));
+        if !is_static {
+            let text = format!(
+                "nothing fixes '{name}' to the world: it is taken as fixed, unless its base floats"
+            );
+            fields.log.note(link.place, text);
+        }
+    }
+    let mut at = 0;
+    while let Some((link, _)) = order.get(at).copied() {
+        at += 1;
+        for k in kept() {
+            if let Some(other) = joints[k].other(link)
+                && joints[k].links.contains(&Some(link))
+                && !reached[other]
+            {
+                reached[other] = true;
+                order.push((other, Some(k)));
+            }
+        }
+    }
+    for ((name, link), _) in links.iter().zip(&reached).filter(|(_, r)| !**r) {
+        let message = format!("no joint connects '{name}' to the rest of the robot");
+        let hint = "connect this link by a joint, or take it out";
+        fields.log.error(link.place, message, hint);
+    }
+    order
 }
 
 /// The coupling of a gearbox: the angle of its child against the reference body is the ratio times that
