@@ -2,7 +2,11 @@
 //! five-bar are the same robot.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use crate::common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
+use std::collections::BTreeSet;
+
+use crate::common::{
+    assert_has, attempt, imported, imported_with, notes, parsed, published, refused, refused_with,
+};
 use regen_codegen::base::Term;
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{BaseSource, derive_with};
@@ -525,6 +529,53 @@ fn the_same_five_bar_has_the_same_base_parameters_in_each_format() {
     let of_urdf = base(&urdf.spec);
     assert_eq!(of_urdf, base(&imported(&mjcf).spec));
     assert_eq!(of_urdf.len(), 11);
+}
+
+/// The base parameters by the names of bodies, in any order.
+fn base_by_name(spec: &str) -> BTreeSet<String> {
+    let robot = derive_with(&Source::new("spec.yaml", spec), BaseSource::Derivation).unwrap();
+    let labels = robot.labels();
+    let base = &robot.analysis.as_ref().unwrap().base;
+    let term = |t: &Term| format!("{:.8} {}", t.value.to_f64(), labels[t.column]);
+    // of sqrt(3), which stands in the files as digits
+    let counts = |t: &&Term| t.value.to_f64().abs() > 1e-9;
+    let sum = |terms: &[Term]| {
+        terms
+            .iter()
+            .filter(counts)
+            .map(term)
+            .collect::<Vec<_>>()
+            .join(" + ")
+    };
+    base.parameters.iter().map(|p| sum(&p.terms)).collect()
+}
+
+/// `tests/tools/vectors/closed.py` writes the files.
+#[test]
+fn loops_have_the_same_base_parameters_in_urdf_plus_sdf_mjcf_and_usd() {
+    for (name, motors) in [
+        ("fivebar", "q1,q2"),
+        ("delta", "q1,q2,q3"),
+        ("excavator", "swing,slide1,slide2,slide3"),
+    ] {
+        let options = Options {
+            actuated: motors.split(',').map(str::to_owned).collect(),
+            ..Options::default()
+        };
+        let of = |kind: &str| {
+            let file = published(&format!("closed/{name}.{kind}"));
+            let found = attempt(&file, &options);
+            base_by_name(&found.unwrap_or_else(|e| panic!("{name}.{kind}: {e}")).spec)
+        };
+        let urdf = of("urdf");
+        assert!(urdf.len() > 10, "{name}");
+        // bodies of USD have mass, and those of a universal joint have none
+        let kinds = ["sdf", "xml", "usda"];
+        for kind in &kinds[..if name == "delta" { 2 } else { 3 }] {
+            let apart: Vec<_> = urdf.symmetric_difference(&of(kind)).cloned().collect();
+            assert!(apart.is_empty(), "{name}.{kind}: {apart:#?}");
+        }
+    }
 }
 
 #[test]

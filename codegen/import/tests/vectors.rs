@@ -37,6 +37,10 @@ fn spec_of(file: &str, exact: bool) -> String {
             "leg_left_joint",
             "foot_left_joint",
         ],
+        "closed/leg.urdf" => &["hip", "knee", "shin", "crank"],
+        "closed/ankle.urdf" => &["motor_l", "motor_r"],
+        "closed/delta.urdf" => &["q1", "q2", "q3"],
+        "closed/fivebar.urdf" => &["q1", "q2"],
         _ => &[],
     };
     let options = Options {
@@ -219,4 +223,38 @@ fn hopper_of_gymnasium_robotics() {
 #[test]
 fn walker_of_gymnasium_robotics() {
     assert_agrees("gymnasium-robotics/walker2d.xml");
+}
+
+/// Loops as URDF+ closes them, efforts as Pinocchio's multipliers have them: `tests/tools/vectors/closed.py`.
+#[track_caller]
+fn twin_agrees(name: &str, mobility: u64) {
+    let file = format!("closed/{name}.urdf");
+    let text = std::fs::read_to_string(folder().join(format!("{file}.json"))).unwrap();
+    let vectors: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(vectors["mobility"].as_u64(), Some(mobility));
+    assert_eq!(vectors["states"].as_array().unwrap().len(), 100);
+    // as many independent coordinates as the rank of its constraints leaves
+    let (_, robot) = imported(&file, true);
+    assert_eq!(robot.independent.len() as u64, mobility);
+    assert_agrees(&file);
+}
+
+#[test]
+fn a_five_bar_has_the_efforts_of_pinocchio_at_100_closed_states() {
+    twin_agrees("fivebar", 2);
+}
+
+#[test]
+fn a_delta_of_six_rods_has_the_efforts_of_pinocchio_at_100_closed_states() {
+    twin_agrees("delta", 3);
+}
+
+#[test]
+fn a_leg_with_a_spring_and_rods_has_the_efforts_of_pinocchio_at_100_closed_states() {
+    twin_agrees("leg", 4);
+}
+
+#[test]
+fn an_ankle_with_two_rods_has_the_efforts_of_pinocchio_at_100_closed_states() {
+    twin_agrees("ankle", 2);
 }

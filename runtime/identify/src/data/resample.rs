@@ -130,7 +130,9 @@ impl Resampler {
 
     /// Calls `each` with the rows of the grid up to the row after the recent row `left`.
     fn emit(&mut self, left: usize, each: &mut RowSink<'_>) -> Result<(), DataError> {
-        let (Some((before, _)), Some((after, _)), Some(start)) =
+        /// The number of steps up to which each time has a number of its own: 2^53.
+        const MOST: f64 = 9_007_199_254_740_992.0;
+        let (Some((before, _)), Some((after, _)), Some(mut start)) =
             (self.recent.get(left), self.recent.get(left + 1), self.start)
         else {
             return Ok(());
@@ -138,7 +140,12 @@ impl Resampler {
         let (before, after) = (*before, *after);
         let tolerance = TIME_TOLERANCE * self.step;
         // a gap leaves out the times within it
-        let passed = ((before - tolerance - start) / self.step).ceil();
+        let mut passed = ((before - tolerance - start) / self.step).ceil();
+        if passed >= MOST {
+            // after so long a gap the grid begins anew
+            (self.start, self.next) = (Some(before), 0);
+            (start, passed) = (before, 0.0);
+        }
         #[allow(
             clippy::cast_sign_loss,
             reason = "the next line replaces negative numbers by 0"
@@ -201,6 +208,22 @@ mod tests {
             t
         };
         (0..count).map(&mut step).collect()
+    }
+
+    #[test]
+    fn the_grid_begins_anew_after_a_gap_that_has_no_number_of_steps() {
+        let rows = [(0.0, 1.0), (0.5, 2.0), (1e300, 3.0)];
+        assert_eq!(
+            grid(2.0, &rows, &[2]),
+            [(0.0, 1.0, false), (0.5, 2.0, true)]
+        );
+        let rows = [(0.0, 1.0), (0.5, 2.0), (1e17, 3.0), (1e17 + 16.0, 4.0)];
+        let found = grid(0.125, &rows, &[2]);
+        assert_eq!(found.len(), 4);
+        assert_eq!(
+            (found[1], found[3]),
+            ((1e17, 3.0, false), (1e17 + 16.0, 4.0, true))
+        );
     }
 
     #[test]
