@@ -195,6 +195,15 @@ pub fn import(
     }
     let (name, spec, actuated) =
         write_valid_spec(&draft, &tree, &source.name, options).map_err(|r| vec![r])?;
+    if names_no_motors(&draft, &tree) {
+        let text = format!(
+            "no motors are named: {} have them here, as many as the robot has degrees of freedom ({} NAME,NAME names \
+             others)",
+            actuated.join(", "),
+            options.names.actuated
+        );
+        log.note(tree.place, text);
+    }
     if options.geared {
         notes::without_values(&draft, &actuated, &tree, &mut log);
     }
@@ -364,7 +373,20 @@ fn write_valid_spec(
         replace_followers(&mut choice, draft);
         // if there are loops, and neither file nor options name actuated joints, the independent
         // coordinates become the actuated ones
-        let by_choice = tree.actuated.is_empty() && !draft.cuts.is_empty() && !drives;
+        let by_choice = names_no_motors(draft, tree);
+        if by_choice && let Some(base) = base_joints(draft, choice.len()) {
+            // motors stand at the base as a rule
+            let at_base = write::SpecContext {
+                actuated: &base,
+                independent: None,
+                ..frame
+            };
+            let text = write::write(draft, &at_base);
+            let valid = choose::test_independent(&text, options.names.home);
+            if matches!(valid, Ok(Verdict::Valid)) {
+                return Ok((name, text, base));
+            }
+        }
         let chosen = |name: &String| choice.contains(name);
         if by_choice && choice.iter().all(|name| actuated.contains(name)) {
             let motors: Vec<String> = actuated.iter().filter(|n| chosen(n)).cloned().collect();
@@ -379,6 +401,23 @@ fn write_valid_spec(
         choose::test_independent(&text, options.names.home)?;
     }
     Ok((name, text, with_motors))
+}
+
+/// Whether a robot with loops has motors at joints that its file does not name.
+fn names_no_motors(draft: &Draft, tree: &Tree) -> bool {
+    tree.actuated.is_empty() && !draft.cuts.is_empty() && draft.drives.is_empty()
+}
+
+/// The first joint with one coordinate of each limb at the world, if there are so many.
+fn base_joints(draft: &Draft, count: usize) -> Option<Vec<String>> {
+    let at_world = draft.limbs.iter().filter(|limb| limb.from.is_none());
+    let first = at_world.filter_map(|limb| {
+        let first = limb.joints.iter().find(|joint| joint.kind != "fixed")?;
+        let single = first.kind != "spherical" && first.kind != "universal";
+        first.name.clone().filter(|_| single)
+    });
+    let first: Vec<String> = first.collect();
+    (first.len() == count).then_some(first)
 }
 
 /// Replaces each joint that follows others by one of those, since the spec's format takes joints

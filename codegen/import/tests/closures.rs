@@ -142,6 +142,32 @@ fn each_way_to_close_a_loop_in_urdf_is_a_cut() {
 }
 
 #[test]
+fn motors_that_no_file_names_are_at_the_base_and_told() {
+    let tip = "<origin xyz=\"0.35 0 0\"/>";
+    let closing = format!(
+        "<loop name=\"tip\" type=\"continuous\"><predecessor link=\"b\">{tip}</predecessor>\
+         <successor link=\"d\">{tip}</successor></loop>"
+    );
+    let found = imported(&five_bar(&closing));
+    let spec = parsed(&found.spec);
+    let joints = spec.limbs.iter().flat_map(|limb| &limb.joints);
+    let motors = joints.filter(|joint| joint.actuated);
+    let motors: Vec<&str> = motors
+        .map(|joint| joint.name.as_ref().unwrap().value.as_str())
+        .collect();
+    assert_eq!(motors, ["q1", "q2"]);
+    let told = "no motors are named: q1, q2 have them here, as many as the robot has degrees of freedom (actuated \
+                NAME,NAME names others)";
+    assert_has(&notes(&found), told);
+    let options = Options {
+        actuated: vec!["q1".to_owned(), "p1".to_owned()],
+        ..Options::default()
+    };
+    let chosen = imported_with(&five_bar(&closing), &options);
+    assert!(!notes(&chosen).contains("no motors"), "{}", notes(&chosen));
+}
+
+#[test]
 fn closed_states_are_proposed_that_the_spec_may_start_from() {
     // a rigid closure in a plane, whose rows depend on each other, out of reach where the motors are at 0
     let closing = "<link name=\"socket\"/><joint name=\"p3\" type=\"continuous\"><parent link=\"d\"/>\
@@ -555,7 +581,7 @@ fn base_by_name(spec: &str) -> BTreeSet<String> {
 fn loops_have_the_same_base_parameters_in_urdf_plus_sdf_mjcf_and_usd() {
     for (name, motors) in [
         ("fivebar", "q1,q2"),
-        ("delta", "q1,q2,q3"),
+        ("delta3", "q1,q2,q3"),
         ("excavator", "swing,slide1,slide2,slide3"),
     ] {
         let options = Options {
@@ -571,7 +597,7 @@ fn loops_have_the_same_base_parameters_in_urdf_plus_sdf_mjcf_and_usd() {
         assert!(urdf.len() > 10, "{name}");
         // bodies of USD have mass, and those of a universal joint have none
         let kinds = ["sdf", "xml", "usda"];
-        for kind in &kinds[..if name == "delta" { 2 } else { 3 }] {
+        for kind in &kinds[..if name == "delta3" { 2 } else { 3 }] {
             let apart: Vec<_> = urdf.symmetric_difference(&of(kind)).cloned().collect();
             assert!(apart.is_empty(), "{name}.{kind}: {apart:#?}");
         }

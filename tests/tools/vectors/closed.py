@@ -60,18 +60,23 @@ def five_bar():
     return m
 
 
-def delta():
+def delta(has_pairs=True):
+    """With pairs of rods; or with one rod a leg and a platform that does not turn, whose base is derived faster."""
     m = Mechanism(["q1", "q2", "q3"])
     for axis, joint in ((X, "tx"), (Y, "ty"), (Z, "tz")):
+        if joint == "tz" and not has_pairs:
+            m.link("platform", "lty", "tz", Z, (0, 0, 0), (0.01, 0.02, -0.03), 0.7, kind="prismatic")
+            break
         m.link(f"l{joint}", m.links[-1][0] if m.links else "base", joint, axis, (0, 0, -0.8 if joint == "tx" else 0), kind="prismatic")
-    m.link("lrz", "ltz", "rz", Z, (0, 0, 0))
-    m.link("lry", "lrz", "ry", Y, (0, 0, 0))
-    m.link("platform", "lry", "rx", X, (0, 0, 0), (0.01, 0.02, -0.03), 0.7)
+    if has_pairs:
+        m.link("lrz", "ltz", "rz", Z, (0, 0, 0))
+        m.link("lry", "lrz", "ry", Y, (0, 0, 0))
+        m.link("platform", "lry", "rx", X, (0, 0, 0), (0.01, 0.02, -0.03), 0.7)
     for k in range(3):
         yaw = float(2 * np.pi / 3 * k)
         c, s = np.cos(yaw), np.sin(yaw)
         m.link(f"crank{k + 1}", "base", f"q{k + 1}", Y, (0.2 * c, 0.2 * s, 0), (0.22, 0.01, 0.01), 1.2, yaw=yaw)
-        for side, way in (("l", 0.05), ("r", -0.05)):
+        for side, way in (("l", 0.05), ("r", -0.05)) if has_pairs else (("", 0.0),):
             rod = f"rod{k + 1}{side}"
             m.universal(rod, f"crank{k + 1}", f"u{k + 1}{side}", (0.4, way, 0), (-0.24, 0, -0.41), 0.2)
             at = (0.05 * c - way * s, 0.05 * s + way * c, 0)
@@ -143,10 +148,10 @@ def aimed(self):
 
 
 Mechanism.aimed = aimed
-MECHANISMS = {"fivebar": five_bar, "delta": delta, "leg": leg, "ankle": ankle, "excavator": excavator}
+MECHANISMS = {"fivebar": five_bar, "delta": delta, "delta3": lambda: delta(False), "leg": leg, "ankle": ankle, "excavator": excavator}
 IN_VECTORS = ["fivebar", "delta", "leg", "ankle"]
 # those that other formats have too
-IN_ALL = ["fivebar", "delta", "excavator"]
+IN_ALL = ["fivebar", "delta3", "excavator"]
 
 
 def urdf(name, m):
