@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use crate::closures::{LINKS, base, cuts, five_bar};
-use crate::common::{assert_has, imported, imported_with, notes, refused};
-use regen_import::{Base, Options};
+use crate::common::{assert_has, imported, imported_with, notes, parsed, refused};
+use regen_import::{Base, BodyParameters, Options, usd_layer};
 
 /// A stage in m and kg with z upwards, and prims in a robot.
 fn stage(prims: &str) -> String {
@@ -404,4 +404,51 @@ fn foreign_names_are_told_wherever_they_stand() {
         "not used in <Xform>: oddity of physics:mass",
     );
     assert_eq!(planted, 8);
+}
+
+#[test]
+fn a_layer_of_identified_values_has_them_where_it_is_read_again() {
+    let values = BodyParameters {
+        mass: 1.7,
+        com: [0.1, -0.02, 0.03],
+        inertia: [0.011, 0.002, -0.001, 0.02, 0.003, 0.017],
+    };
+    let layer = usd_layer("five", &[("a".to_owned(), values)]);
+    // what the layer lies over: a body of that path, and the joint that holds it
+    let hinge = joint("Revolute", "q", ["", "a"], [0.0; 2], 0.0, "");
+    let whole = layer.replace("over ", "def Xform ").replacen(
+        "\"five\"\n{",
+        &format!("\"five\"\n{{\n{hinge}"),
+        1,
+    );
+    let whole = whole.replace(
+        "[\"PhysicsMassAPI\"",
+        "[\"PhysicsRigidBodyAPI\", \"PhysicsMassAPI\"",
+    );
+    let spec = parsed(
+        &imported_with(
+            &whole,
+            &Options {
+                exact: true,
+                ..Options::default()
+            },
+        )
+        .spec,
+    );
+    let (_, body) = &spec.bodies[0];
+    let numbers = [&body.mass]
+        .into_iter()
+        .chain(&body.com)
+        .chain(&body.inertia);
+    let given = [values.mass]
+        .into_iter()
+        .chain(values.com)
+        .chain(values.inertia);
+    for (found, given) in numbers.zip(given) {
+        assert!(
+            (found.value.to_f64() - given).abs() < 1e-12,
+            "{} {given}",
+            found.value.to_f64()
+        );
+    }
 }

@@ -41,7 +41,8 @@ fn head(input: &mut Input, at: u64) -> Read<([u8; 4], u64, u64)> {
     kind.copy_from_slice(fields.take(4)?);
     fields.skip(4)?;
     let (length, links) = (fields.u64()?, fields.u64()?);
-    if !kind.starts_with(b"##") || links.checked_mul(8).is_none_or(|all| all + 24 > length) {
+    let least = links.checked_mul(8).and_then(|all| all.checked_add(24));
+    if !kind.starts_with(b"##") || least.is_none_or(|least| least > length) {
         return broken(format!("there is no block at byte {at}"));
     }
     Ok((kind, length, links))
