@@ -62,8 +62,11 @@ fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
     })?;
     if bytes.starts_with(b"PXR-USDC") {
         let path = path.display();
-        let hint = "`usdcat --flatten ROBOT.usd -o WHOLE.usda`, of Pixar's usd-core, writes its text";
-        return Err(Failure::Input(format!("{path} is USD in its binary form: {hint}")));
+        let hint =
+            "`usdcat --flatten ROBOT.usd -o WHOLE.usda`, of Pixar's usd-core, writes its text";
+        return Err(Failure::Input(format!(
+            "{path} is USD in its binary form: {hint}"
+        )));
     }
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();

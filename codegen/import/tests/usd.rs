@@ -317,6 +317,10 @@ fn what_is_elsewhere_unknown_or_broken_is_told() {
             "brackets are too deep",
         ),
         (
+            whole.replacen("Xform", "X\u{1b}form", 1),
+            "the file is not USD: a control character",
+        ),
+        (
             "#usda 1.0\ndef Xform \"a\" { }\n".to_owned(),
             "there is no body",
         ),

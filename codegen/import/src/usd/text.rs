@@ -13,6 +13,16 @@ type Parsed<T> = Result<T, (usize, String)>;
 
 /// Reads a layer as the element `usda`; `None` if an error was recorded.
 pub(crate) fn read(text: &str, file: usize, log: &mut Log) -> Option<Element> {
+    let is_control = |c: char| c.is_control() && !matches!(c, '\n' | '\r' | '\t');
+    if let Some(at) = text.find(is_control) {
+        let place = Place::new(file, Span::new(at, at + 1));
+        log.error(
+            place,
+            "the file is not USD: a control character",
+            super::FLATTEN,
+        );
+        return None;
+    }
     let mut parser = Parser {
         text,
         // behind the first line, `#usda 1.0`

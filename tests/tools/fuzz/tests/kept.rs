@@ -179,7 +179,10 @@ fn every_file_of_arrays_gives_equations_or_an_error() {
 fn every_robot_file_of_other_programs_is_imported_or_refused() {
     run_target(
         "import",
-        &[("tests/fixtures/import/gymnasium-robotics", &["xml"])],
+        &[
+            ("tests/fixtures/import/gymnasium-robotics", &["xml"]),
+            ("tests/fixtures/import/closed", &["usda"]),
+        ],
         300,
     );
 }
