@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 class Robot(Functions):
     """A robot, from its description.
 
-    ``source`` is the path of a description (YAML) or of a URDF, SDF or MJCF file, or the text of
+    ``source`` is the path of a description (YAML) or of a URDF, SDF, MJCF or USD file, or the text of
     one. For robot files, ``options`` are those of ``regen import``: ``name``, ``exact``,
     ``geared``, ``base`` ('fixed' or 'floating'), ``cut``, ``actuated``, ``home``, ``ignore``.
 
