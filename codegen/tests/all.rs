@@ -14,7 +14,6 @@ mod explain;
 mod expressions;
 mod files;
 mod kept_parameters;
-mod latex;
 mod mutations;
 mod mutations_derive;
 mod oracle;

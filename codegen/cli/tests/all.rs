@@ -22,6 +22,7 @@ mod inspect;
 mod intervals;
 mod json;
 mod laboratories;
+mod latex;
 mod mistakes;
 mod new;
 mod offsets;

@@ -116,6 +116,53 @@ fn the_readme_shows_what_its_command_prints() {
     let shown = shown(&text, "```text");
     assert!(shown.len() > 4, "{shown:?}");
     require_printed(&shown, &run.out);
+
+    // the table beside the picture, whose rows are narrower than those of the command
+    let base = regen(&dir, &["base", "robots/3rps.yaml"]).ended(0).out;
+    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let (before, table) = text.split_once("<pre>\n").unwrap();
+    let count = before.rsplit_once(" prints its ").unwrap().1;
+    let count = count.split_once(" base parameters").unwrap().0;
+    assert!(
+        base.contains(&format!("{count} base parameters")),
+        "{count}"
+    );
+    let table = table.split_once("</pre>").unwrap().0;
+    let mut rows: Vec<String> = Vec::new();
+    for line in table.lines() {
+        let line = words(line);
+        match rows.last_mut() {
+            Some(row) if line.starts_with('-') => *row += &format!(" {line}"),
+            _ => rows.push(line),
+        }
+    }
+    assert!(rows.len() > 5, "{rows:?}");
+    let printed = words(&base);
+    for row in rows {
+        assert!(printed.contains(&format!(" {row} ")), "{row}\n{base}");
+    }
+}
+
+#[test]
+fn every_page_that_shows_what_is_printed_is_run() {
+    let own = include_str!("guide.rs");
+    let mut pages = 0;
+    for entry in fs::read_dir(root().join("runtime/guide/pages")).unwrap() {
+        let path = entry.unwrap().path();
+        let Ok(text) = fs::read_to_string(&path) else {
+            continue;
+        };
+        let name = path.file_stem().unwrap().to_str().unwrap();
+        assert!(
+            !text.contains("```text\n"),
+            "{name}: what prints this text?"
+        );
+        if text.contains("```sh run\n") || text.contains("```text printed\n") {
+            pages += 1;
+            assert!(own.contains(&format!("run_page(\"{name}\")")), "{name}");
+        }
+    }
+    assert!(pages > 15, "{pages}");
 }
 
 #[test]
@@ -138,16 +185,20 @@ fn the_commands_of_the_table_trust_and_controller_pages_run() {
 
 #[test]
 fn the_pages_to_begin_with_run() {
+    assert_eq!(run_page("index").len(), 5);
     assert_eq!(run_page("start_control").len(), 3);
     assert_eq!(run_page("start_identify").len(), 2);
     assert_eq!(run_page("start_research").len(), 4);
+    assert_eq!(run_page("paper").len(), 3);
+    assert_eq!(run_page("evidence").len(), 1);
 }
 
 #[test]
 fn the_commands_of_the_c_optimise_and_equations_pages_run() {
-    assert_eq!(run_page("c").len(), 1);
+    assert_eq!(run_page("c").len(), 3);
     assert_eq!(run_page("optimise").len(), 1);
     assert_eq!(run_page("equations").len(), 5);
+    assert_eq!(run_page("reference").len(), 3);
 }
 
 #[test]
@@ -185,7 +236,7 @@ fn the_stewart_platforms_table_is_a_latex_document() {
     assert!(ended.success());
     let text = fs::read_to_string(dir.join("stewart.tex")).unwrap();
     assert!(text.starts_with("\\documentclass") && text.ends_with("\\end{document}\n"));
-    assert!(text.contains("\\begin{longtable}") && text.contains("\n82 & "));
+    assert!(text.contains("\\begin{xtabular}") && text.contains("\n82 & "));
 }
 
 #[test]

@@ -124,7 +124,31 @@ fn logs_count_from_their_start_under_one_name_and_what_is_missing_and_chosen_is_
         !rest.contains("1764000") && !rest.contains("real.csv"),
         "{rest}"
     );
-    assert!(rest.contains("<td>real</td>"));
+    assert!(rest.contains("<td data-title=\"log\">real</td>"));
+
+    // of every log is drawn where rows are missing, from its start to its end
+    let words = format!("report {spec} p.json run.csv real.csv --problems drop --out both.html");
+    regen(&dir, &words.split(' ').collect::<Vec<_>>()).ended(0);
+    let both = fs::read_to_string(dir.join("both.html")).unwrap();
+    is_well_formed(&both);
+    let cells = |log: &str| {
+        let (_, row) = both
+            .split_once(&format!("<td data-title=\"log\">{log}</td>"))
+            .unwrap();
+        row.split_once("</tr>").unwrap().0.to_owned()
+    };
+    assert!(
+        cells("run").contains("<td data-title=\"missing\">0</td>"),
+        "{}",
+        cells("run")
+    );
+    let real = cells("real");
+    assert!(
+        real.contains("<td data-title=\"missing\">66<span"),
+        "{real}"
+    );
+    // rows 300 to 359 of 801, from the one before to the one after
+    assert!(real.contains("M0.374 0v1H0.450v-1z"), "{real}");
 
     // the same page from the file of parameters
     let words = format!("report {spec} p.json real.csv --problems drop --out again.html");

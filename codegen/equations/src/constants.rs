@@ -67,8 +67,12 @@ pub(crate) fn form(value: f64) -> Option<Form> {
     };
     let integer = forms(1.0).next();
     // a decimal over a number is no shorter than its digits, but with a root it is
-    let decimals = forms(1000.0).filter(|form| matches!(form.irrational, Irrational::Root(_)));
-    let length = |form: &Form| super::plain::digits(form.above).len();
+    let decimals = forms(10_000.0).filter(|form| matches!(form.irrational, Irrational::Root(_)));
+    // 0.1521 sqrt(3) rather than 1.521 sqrt(3)/10
+    let length = |form: &Form| {
+        let far = if form.below < 10 { 0 } else { 3 };
+        super::plain::digits(form.above).len() + far
+    };
     integer.or_else(|| decimals.min_by_key(|form| (length(form), form.below)))
 }
 
@@ -94,6 +98,7 @@ mod tests {
         assert_eq!(form(3.0_f64.sqrt() / 2.0), is(1.0, root(3), 2));
         assert_eq!(form(2.0 / 3.0), is(2.0, Irrational::None, 3));
         assert_eq!(form(9.81 * 2.0_f64.sqrt() / 2.0), is(9.81, root(2), 2));
+        assert_eq!(form(0.4563 / 3.0_f64.sqrt()), is(0.1521, root(3), 1));
         for other in [
             0.25,
             0.3,

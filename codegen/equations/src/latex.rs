@@ -7,6 +7,8 @@ use crate::measure::{COLUMN, broken, width};
 use crate::names::Name;
 use crate::page::{Entry, Page};
 use crate::plain::{Level, Spelling, Writer, digits};
+use crate::text::stated;
+use regen_codegen::base::latex::GREEK;
 
 /// The largest number of columns of a matrix that is written as a `bmatrix`; it may have twice as many rows.
 const MAX_MATRIX_COLUMNS: usize = 6;
@@ -115,8 +117,8 @@ fn term(name: &Name) -> String {
     format!("{}_{{{index}}}", name.letter)
 }
 
-/// A name as letters with an index below, under an accent such as `dot` (empty for none): `q1` with
-/// the accent `dot` is `\dot{q}_{1}`.
+/// A name as a letter, Latin or Greek, with an index below, under an accent such as `dot` (empty for none): `q1` with
+/// the accent `dot` is `\dot{q}_{1}`, and `alpha_1` is `\alpha_{1}`. Other names are upright.
 pub(crate) fn symbol(name: &str, accent: &str) -> String {
     let letters = name.chars().take_while(char::is_ascii_alphabetic).count();
     let (stem, rest) = name.split_at(letters);
@@ -126,9 +128,16 @@ pub(crate) fn symbol(name: &str, accent: &str) -> String {
         "" => stem.to_owned(),
         accent => format!("\\{accent}{{{stem}}}"),
     };
-    match (letters, index.is_empty()) {
-        (1, true) => accented(stem),
-        (1, false) if index.chars().all(plain) => format!("{}_{{{index}}}", accented(stem)),
+    let letter = match stem {
+        _ if letters == 1 => Some(stem.to_owned()),
+        _ if GREEK.contains(&stem) => Some(format!("\\{stem}")),
+        _ => None,
+    };
+    match (letter, index.is_empty()) {
+        (Some(letter), true) => accented(&letter),
+        (Some(letter), false) if index.chars().all(plain) => {
+            format!("{}_{{{index}}}", accented(&letter))
+        }
         _ => {
             let escaped = regen_codegen::base::latex::escaped(name);
             accented(&format!("\\mathrm{{{escaped}}}"))
@@ -148,7 +157,7 @@ pub(crate) fn write(page: &Page<'_>) -> String {
         let _ = writeln!(out, "% {line}");
     }
     for (name, value) in page.used_lengths() {
-        let _ = writeln!(out, "% {name} = {} m or rad", digits(value));
+        let _ = writeln!(out, "% {name} = {} m or rad", stated(value));
     }
     out.push_str("% needs amsmath; \\allowdisplaybreaks lets long lists break\n");
     // the left and the right side of each equation

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::constants::{Form, Irrational};
+use crate::constants::{Form, Irrational, form};
 use crate::names::Name;
 use crate::page::Page;
 use crate::plain::{Level, Spelling, Writer, digits};
@@ -70,6 +70,15 @@ pub(crate) fn infix_form(form: &Form) -> (String, Level) {
     (above, level)
 }
 
+/// A number as a form, or else with its digits.
+pub(crate) fn stated(value: f64) -> String {
+    let sign = if value < 0.0 { "-" } else { "" };
+    form(value.abs()).map_or_else(
+        || digits(value),
+        |form| format!("{sign}{}", infix_form(&form).0),
+    )
+}
+
 /// The quotient `a/b`. A sum is put in parentheses, and so is a product in the denominator.
 pub(crate) fn infix_quotient(above: (String, Level), below: (String, Level)) -> (String, Level) {
     let grouped = |(text, own): (String, Level), level: Level| {
@@ -104,7 +113,7 @@ pub(crate) fn write(page: &Page<'_>) -> String {
         let _ = writeln!(out, "{line}");
     }
     for (name, value) in page.used_lengths() {
-        let _ = writeln!(out, "{name} = {}", digits(value));
+        let _ = writeln!(out, "{name} = {}", stated(value));
     }
     out.push('\n');
     for (id, name) in page.names.all() {

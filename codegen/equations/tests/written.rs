@@ -73,7 +73,9 @@ fn named_angles_stay_symbols_and_roots_of_numbers_are_exact() {
         "{text}"
     );
     let latex = equations(&robot, of, all, Style::Latex).unwrap();
-    assert!(latex.contains("\\tfrac{\\sqrt{6}}{4}"), "{latex}");
+    for part in ["\\tfrac{\\sqrt{6}}{4}", "\\sin\\left(\\alpha + "] {
+        assert!(latex.contains(part), "{part}\n{latex}");
+    }
 }
 
 #[test]

@@ -14,6 +14,7 @@ OWN_OUT = {"excite", "simulate", "observe", "report", "export", "generate", "vie
 OWN_FORMAT = {"equations"}
 #: The command and its class.
 COMMANDS = {
+    "new": "NewOptions",
     "import": "ImportOptions",
     "excite": "ExciteOptions",
     "simulate": "SimulateOptions",

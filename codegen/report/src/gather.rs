@@ -61,6 +61,7 @@ pub(super) struct Errors {
     pub(super) efforts: Vec<EffortError>,
     /// The samples and equations that were not used.
     pub(super) left_out: LeftOut,
+    pub(super) missing: MissingRows,
     /// What is doubtful in its rows.
     pub(super) doubts: Vec<String>,
 }
@@ -147,6 +148,9 @@ pub(super) fn errors(
         all: found.relative_absolute(),
         efforts: found.efforts(),
         left_out,
+        missing: reports
+            .first()
+            .map_or_else(MissingRows::default, |own| own.missing.clone()),
     })
 }
 

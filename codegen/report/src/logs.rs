@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_identify::data::Run;
+use regen_identify::data::{MissingRows, Run};
 use regen_identify::session::{LeastSquaresStart, Session, from_logs};
 use regen_interpreted::Interpreted;
 
@@ -33,11 +33,13 @@ pub(super) fn html(report: &Content<'_>) -> String {
         out.push_str("</ul>\n");
     }
     let rows: Vec<Vec<String>> = report.errors.iter().map(left_out).collect();
-    let caption = "Samples: used ones gave equations; in interpolated ones an entry is no measurement; singular \
-                   ones have no reduced efforts; unsettled ones are at the ends of filtered runs; resting are \
-                   equations of efforts whose joints stood still";
+    let caption = "Samples: missing ones are no rows of the log, or were left out, with a bar from its start to its end \
+                   that marks where; used ones gave equations; in interpolated ones an entry is no measurement; \
+                   singular ones have no reduced efforts; unsettled ones are at the ends of filtered runs; resting \
+                   are equations of efforts whose joints stood still";
     let head = [
         "log",
+        "missing",
         "used",
         "interpolated",
         "singular",
@@ -58,7 +60,32 @@ fn left_out(errors: &Errors) -> Vec<String> {
         left.resting.iter().sum(),
     ];
     let counts = counts.iter().map(ToString::to_string);
-    std::iter::once(escaped(&errors.file))
+    [escaped(&errors.file), missing(&errors.missing)]
+        .into_iter()
         .chain(counts)
         .collect()
+}
+
+/// How many rows are missing, and where in the log.
+fn missing(rows: &MissingRows) -> String {
+    // one row of many stays visible
+    const NARROWEST: f64 = 0.01;
+    let Some(whole) = Some(rows.end - rows.start).filter(|whole| *whole > 0.0 && rows.count > 0)
+    else {
+        return rows.count.to_string();
+    };
+    let mut out = format!(
+        "{}<span class=\"track\"><svg viewBox=\"0 0 1 1\" preserveAspectRatio=\"none\"><path d=\"",
+        rows.count
+    );
+    let mut drawn = 0.0;
+    for [from, to] in &rows.spans {
+        let [from, to] = [from, to].map(|t| (t - rows.start) / whole);
+        let to = to.max(from + NARROWEST);
+        if to > drawn {
+            drawn = to;
+            let _ = write!(out, "M{from:.3} 0v1H{to:.3}v-1z");
+        }
+    }
+    out + "\"/></svg></span>"
 }

@@ -40,12 +40,14 @@ fn indexed(symbol: &str) -> String {
     }
 }
 
+/// The names of Greek letters, which are commands of LaTeX.
+pub const GREEK: [&str; 22] = [
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
+    "lambda", "mu", "nu", "xi", "rho", "sigma", "tau", "phi", "chi", "psi", "omega", "pi",
+];
+
 /// A name: a letter or the name of a Greek letter, with an index; anything else upright.
 fn name(text: &str) -> String {
-    const GREEK: [&str; 22] = [
-        "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
-        "lambda", "mu", "nu", "xi", "rho", "sigma", "tau", "phi", "chi", "psi", "omega", "pi",
-    ];
     let digits = |t: &str| !t.is_empty() && t.bytes().all(|b| b.is_ascii_digit() || b == b'.');
     if digits(text) {
         return text.to_owned();

@@ -5,7 +5,7 @@ set -eu
 out="${1:?the name of the .tex file}"
 table="$(regen base robots/stewart.yaml --format latex)"
 {
-    printf '%s\n' '\documentclass{article}' '\usepackage{array,booktabs,longtable}' '\begin{document}'
+    printf '%s\n' '\documentclass{article}' '\usepackage{array,booktabs,xtab}' '\begin{document}'
     printf '%s\n' "$table"
     printf '%s\n' '\end{document}'
 } > "$out"

@@ -147,3 +147,60 @@ fn what_is_cited_is_what_the_citation_file_has() {
         assert!(page.contains(name), "{name}");
     }
 }
+
+/// The numbers with decimals or thousands of a text, each with half of its last digit that is not 0.
+fn figures(text: &str) -> Vec<(f64, f64)> {
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric() && !".,".contains(c));
+    let words = words.map(|word| word.trim_matches(['.', ',']));
+    let written = words.filter(|word| word.contains(['.', ',']));
+    written
+        .filter_map(|word| {
+            let word = word.replace(',', "");
+            let value: f64 = word.parse().ok()?;
+            let decimals = word.split_once('.').map_or(0, |(_, rest)| rest.len());
+            let zeros = word.len() - word.trim_end_matches('0').len();
+            let last = if decimals > 0 {
+                0.1_f64.powi(i32::try_from(decimals).ok()?)
+            } else {
+                10_f64.powi(i32::try_from(zeros).ok()?)
+            };
+            Some((value, 0.501 * last))
+        })
+        .collect()
+}
+
+#[test]
+fn the_figures_of_a_section_are_those_of_the_records_that_it_names() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut seen = 0;
+    for (name, page) in pages() {
+        for section in parts(&page).0.join("\n").split("\n# ") {
+            let words = section.split(|c: char| !c.is_ascii_alphanumeric() && !"/._".contains(c));
+            let records = words.filter(|word| word.starts_with("tests/") && word.ends_with(".md"));
+            let mut known = Vec::new();
+            for record in records {
+                let path = root.join(record);
+                known.extend(figures(&fs::read_to_string(&path).unwrap()));
+                // a program beside it has the figures of others
+                for entry in fs::read_dir(path.parent().unwrap()).unwrap() {
+                    let path = entry.unwrap().path();
+                    if path.extension().is_some_and(|end| end == "py") {
+                        known.extend(figures(&fs::read_to_string(&path).unwrap()));
+                    }
+                }
+            }
+            if known.is_empty() {
+                continue;
+            }
+            for (value, near) in figures(section) {
+                let is_there = known.iter().any(|own| (own.0 - value).abs() <= near);
+                assert!(
+                    is_there,
+                    "{name}: {value} is in none of the records\n{section}"
+                );
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 80, "{seen}");
+}

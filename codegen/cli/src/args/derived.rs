@@ -69,7 +69,7 @@ pub(crate) enum TableFormat {
     Human,
     /// A Markdown table
     Markdown,
-    /// A LaTeX longtable, for the packages array, booktabs and longtable
+    /// A LaTeX table of pages or columns, for the packages array, booktabs and xtab
     Latex,
     /// Comma-separated values
     Csv,

@@ -33,7 +33,7 @@ from .results import (
     Report,
     Validation,
 )
-from .robot import Robot, inspect, observe
+from .robot import Robot, inspect, new, observe
 
 __version__ = _native.__version__
 
@@ -63,6 +63,7 @@ __all__ = [
     "Robot",
     "Validation",
     "inspect",
+    "new",
     "observe",
 ]
 

@@ -12,7 +12,7 @@ METHODS = (
     "calibrate", "check", "equations", "excite", "export", "generate", "identify", "inspect",
     "observe", "rehearse", "report", "simulate", "validate", "view",
 )  # fmt: skip
-_OTHERS = {"import": "Robot()", "base": "Robot.base", "info": "Robot()", "eval": "Robot.evaluate()"}
+_OTHERS = {"import": "Robot()", "base": "Robot.base", "info": "Robot()", "eval": "Robot.evaluate()", "new": "regen.new()"}
 
 #: What the parser of options adds for those who type commands.
 _USAGE = re.compile(r"\n\n(?:Usage: [^\n]*|For more information, try '--help'\.)")

@@ -14,6 +14,19 @@ Value = Union[str, int, float, "os.PathLike[str]", tuple[Any, ...], Mapping[str,
 Values = Union[Value, Sequence[Value]]
 
 
+class NewOptions(TypedDict, total=False):
+    """Of ``new``."""
+
+    #: The table has classic rows, Rz Tz Tx Rx, instead of modified ones
+    classic: bool
+    #: A serial arm from a table of Denavit and Hartenberg parameters (CSV)
+    from_dh: Value | None
+    #: The robot that the spec describes at first
+    kind: Literal["serial", "planar", "parallel", "delta", "stewart", "drives"] | None
+    #: Where the spec is written [default: NAME.yaml in the current directory]
+    out: Value | None
+
+
 class ImportOptions(TypedDict, total=False):
     """Of ``import``."""
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         GenerateOptions,
         IdentifyOptions,
         InspectOptions,
+        NewOptions,
         ObserveOptions,
         RehearseOptions,
         ReportOptions,
@@ -355,6 +356,14 @@ class Robot(Functions):
         progress: Progress | bool | None,
     ) -> Any:
         return _call.parsed(self._text_of(command, rest, given, texts, progress))
+
+
+def new(name: str, /, **options: Unpack[NewOptions]) -> Robot:
+    """Writes a commented description to begin with, and returns its robot.
+
+    ``kind`` is that of the robot, or ``from_dh`` a table; the file is ``out``, or ``NAME.yaml`` in the current folder.
+    """
+    return Robot(_call.parsed(_call.call("new", [name], options))["written"])
 
 
 def inspect(

@@ -17,22 +17,21 @@ const SYMBOLS: &str = "$I_{xx,k}$ to $I_{zz,k}$ are the entries of the inertia t
                        $m_{k} y_{k}$ and $m_{k} z_{k}$ its first moments; $m_{k}$ its mass";
 
 impl Table {
-    /// The table in LaTeX, as a `longtable` over as many pages as it takes, with caption and label.
+    /// The table in LaTeX, as an `xtabular` over as many pages or columns as it takes, with caption and label; a
+    /// `longtable` would not do on paper of two columns.
     pub fn latex(&self) -> String {
         let title = latex::escaped(&self.title());
+        let label = self
+            .robot
+            .replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+        let head = "\\toprule\nNo & Base parameter & Evidence \\\\\n\\midrule\n";
         let mut out = format!(
-            "% {}\n% needs \\usepackage{{array,booktabs,longtable}}\n\
-             \\begin{{longtable}}{{{COLUMNS}}}\n\
-             \\caption{{{title}. {SYMBOLS}}}\\label{{tab:{}-base}}\\\\\n\\toprule\n",
+            "% {}\n% needs \\usepackage{{array,booktabs,xtab}}\n\
+             \\tablecaption{{{title}. {SYMBOLS}\\label{{tab:{label}-base}}}}\n\
+             \\tablefirsthead{{{head}}}\n\\tablehead{{{head}}}\n\
+             \\tabletail{{\\midrule\n\\multicolumn{{3}}{{r}}{{continued}}\\\\\n}}\n\
+             \\tablelasttail{{\\bottomrule\n}}\n\\begin{{xtabular}}{{{COLUMNS}}}\n",
             self.title(),
-            self.robot
-                .replace(|c: char| !c.is_ascii_alphanumeric(), "-"),
-        );
-        let head = "No & Base parameter & Evidence \\\\\n\\midrule\n";
-        let _ = write!(
-            out,
-            "{head}\\endfirsthead\n\\toprule\n{head}\\endhead\n\
-             \\midrule\n\\multicolumn{{3}}{{r}}{{continued}}\\\\\n\\endfoot\n\\bottomrule\n\\endlastfoot\n"
         );
         for (k, row) in self.rows.iter().enumerate() {
             if let Some(payload) = self.payload_from(k) {
@@ -47,7 +46,7 @@ impl Table {
                 row.provenance()
             );
         }
-        out.push_str("\\end{longtable}\n\n{\\footnotesize\\raggedright\\noindent\n");
+        out.push_str("\\end{xtabular}\n\n{\\footnotesize\\raggedright\\noindent\n");
         for (name, text) in &self.facts {
             let (name, text) = (latex::escaped(name), latex::escaped(text));
             let _ = writeln!(out, "{name}: {text}.\\par");

@@ -78,6 +78,8 @@ pub struct MissingRows {
     pub spans: Vec<[f64; 2]>,
     /// The time of the first row that is used, s.
     pub start: f64,
+    /// The time of the last one, s.
+    pub end: f64,
 }
 
 impl MissingRows {
@@ -271,6 +273,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                         Some(before) => missing.between(before, time, step),
                         None => missing.start = time,
                     }
+                    missing.end = time;
                     sketch.push(row.values.get(1..).unwrap_or_default());
                     let positions = &row.values[file.layout.positions()];
                     for (all, value) in differences.iter_mut().zip(positions) {
