@@ -194,6 +194,47 @@ fn the_pages_to_begin_with_run() {
 }
 
 #[test]
+fn the_numbers_of_the_paper_are_those_that_base_prints() {
+    let files = [
+        ("four-bar in", "robots/fourbar"),
+        ("five-bar", "robots/fivebar"),
+        ("planar 3-RRR", "robots/3rrr"),
+        ("3-RPS", "robots/3rps"),
+        ("Stewart", "robots/stewart"),
+        ("translational Delta", "robots/delta"),
+        ("Sarrus", "tests/fixtures/base/sarrus"),
+        ("spherical 3-RRR", "tests/fixtures/base/agile_eye"),
+        ("pantograph", "tests/fixtures/base/pantograph"),
+        ("Bennett", "tests/fixtures/base/bennett"),
+    ];
+    let page = fs::read_to_string(root().join("runtime/guide/pages/paper.md")).unwrap();
+    let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| ")).collect();
+    assert_eq!(rows.len(), files.len() + 1);
+    for (row, (mechanism, file)) in rows.iter().skip(1).zip(files) {
+        assert!(row.contains(mechanism), "{row}");
+        let cells: Vec<usize> = row
+            .split('|')
+            .filter_map(|cell| cell.trim().parse().ok())
+            .collect();
+        let [parameters, .., trees, certified] = cells[..] else {
+            panic!("{row}")
+        };
+        let printed = regen(&root(), &["base", &format!("{file}.yaml")])
+            .ended(0)
+            .out;
+        for line in [
+            format!("  rank          {certified} of {parameters} columns\n"),
+            format!(
+                "  derived       {} null directions from",
+                parameters - trees
+            ),
+        ] {
+            assert!(printed.contains(&line), "{row}\n{printed}");
+        }
+    }
+}
+
+#[test]
 fn the_commands_of_the_c_optimise_and_equations_pages_run() {
     assert_eq!(run_page("c").len(), 3);
     assert_eq!(run_page("optimise").len(), 1);
