@@ -132,7 +132,7 @@ fn the_readme_shows_what_its_command_prints() {
     for line in table.lines() {
         let line = words(line);
         match rows.last_mut() {
-            Some(row) if line.starts_with('-') => *row += &format!(" {line}"),
+            Some(row) if line.starts_with('-') => row.extend([" ", &line]),
             _ => rows.push(line),
         }
     }

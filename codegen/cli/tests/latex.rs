@@ -2,6 +2,7 @@
 //! message where there is no pdflatex, which `.ci/full` installs.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -49,10 +50,12 @@ fn no_line_of_a_table_or_an_equation_is_too_long() {
             }
             parts += 1;
             let name = path.file_stem().unwrap().display();
-            body += &format!(
-                "\\typeout{{part {name}: {words}}}\n{}\\clearpage\n",
+            writeln!(
+                body,
+                "\\typeout{{part {name}: {words}}}\n{}\\clearpage",
                 run.out
-            );
+            )
+            .unwrap();
         }
     }
     body += "\\end{document}\n";

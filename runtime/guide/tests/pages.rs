@@ -176,7 +176,8 @@ fn the_figures_of_a_section_are_those_of_the_records_that_it_names() {
     for (name, page) in pages() {
         for section in parts(&page).0.join("\n").split("\n# ") {
             let words = section.split(|c: char| !c.is_ascii_alphanumeric() && !"/._".contains(c));
-            let records = words.filter(|word| word.starts_with("tests/") && word.ends_with(".md"));
+            let is_page = |word: &&str| Path::new(word).extension().is_some_and(|end| end == "md");
+            let records = words.filter(|word| word.starts_with("tests/") && is_page(word));
             let mut known = Vec::new();
             for record in records {
                 let path = root.join(record);

@@ -141,7 +141,7 @@ class Base:
         )
 
     def to_latex(self, *, numbers: bool = False, expressions: bool = False) -> str:
-        """A table in LaTeX, for the package booktabs; coefficients as numbers or expressions."""
+        """A table in LaTeX, for the packages array, booktabs and xtab; coefficients as numbers or expressions."""
         more = [f"--{word}" for word, on in (("numbers", numbers), ("expressions", expressions)) if on]
         return self._printed("latex", *more)
 
