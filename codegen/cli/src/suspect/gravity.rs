@@ -80,13 +80,13 @@ pub(super) fn with_spec(
         return found;
     };
     let of_columns = found.iter().filter_map(|f| {
+        let changed = f.changed_in_sample.or(f.changed);
         let Remedy::Read { columns, .. } = &f.remedy else {
-            return f.changed;
+            return changed;
         };
         let is_number = |c: &Assignment| c.offset != 0.0 || c.quantity == Quantity::Time;
         let are_numbers = has_gravity && (columns.is_empty() || columns.iter().any(is_number));
-        f.changed
-            .map(|changed| changed * if are_numbers { AS_GOOD } else { 1.0 })
+        changed.map(|changed| changed * if are_numbers { AS_GOOD } else { 1.0 })
     });
     let least = of_columns.fold(f64::INFINITY, f64::min);
     if other.changed.is_none_or(|changed| changed >= least) {

@@ -14,6 +14,8 @@ use super::{EstimateError, QrFactor};
 const VERSION: u32 = 1;
 /// The value of the field `format` in the file.
 const FORMAT: &str = "regen observation factors";
+/// The size of an effort is this part of its rms at least.
+const LEAST_PART: f64 = 0.1;
 
 /// One factor per effort (a row of the regressor). The efforts stay separate, so that logs can be
 /// merged first and the weights of the efforts chosen later, when the residuals are known.
@@ -294,6 +296,49 @@ impl FactorSet {
     pub fn means(&self) -> Vec<f64> {
         let mean = |(sum, factor): (&f64, &QrFactor)| sum / factor.rows().max(1) as f64;
         self.sums.iter().zip(&self.factors).map(mean).collect()
+    }
+
+    /// For each effort, the rms of its residuals over its own about its mean, percent; over a tenth of its rms if that
+    /// is more, as for one that is a weight. NaN where there are no rows.
+    ///
+    /// - `values`: the parameters, SI.
+    ///
+    /// # Errors
+    /// When the number of parameters does not fit.
+    ///
+    /// ```
+    /// use regen_identify::estimate::{Accumulator, Origin};
+    ///
+    /// let origin = Origin {
+    ///     robot: "lift".to_owned(),
+    ///     model: String::new(),
+    ///     kind: "forces".to_owned(),
+    ///     efforts: vec!["q1".to_owned(), "q2".to_owned()],
+    ///     labels: vec!["m".to_owned()],
+    /// };
+    /// let mut rows = Accumulator::new(&origin);
+    /// for (moving, weight) in [(1.0, 5.0), (3.0, 5.0)] {
+    ///     rows.push(0, &[1.0], 1, moving, 1.0)?;
+    ///     rows.push(1, &[1.0], 1, weight, 1.0)?;
+    /// }
+    /// let errors = rows.finish()?.relative_errors(&[2.0])?;
+    /// assert!((errors[0] - 100.0).abs() < 1e-9);
+    /// assert!((errors[1] - 600.0).abs() < 1e-9);
+    /// # Ok::<(), regen_identify::estimate::EstimateError>(())
+    /// ```
+    pub fn relative_errors(&self, values: &[f64]) -> Result<Vec<f64>, EstimateError> {
+        let none = vec![0.0; values.len()];
+        let one = |(mean, factor): (f64, &QrFactor)| {
+            let whole = factor.squared_residual(&none)?;
+            let about_mean = whole - factor.rows() as f64 * mean * mean;
+            let size = about_mean.max(LEAST_PART * LEAST_PART * whole);
+            Ok(100.0 * (factor.squared_residual(values)? / size).sqrt())
+        };
+        self.means()
+            .into_iter()
+            .zip(&self.factors)
+            .map(one)
+            .collect()
     }
 
     /// Adds the rows of another set.

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::{LeastSquaresStart, MonitoredLogs, Session, SessionError};
 use crate::data::{Assignment, Run};
-use crate::estimate::{EffortError, Estimate, Residuals};
+use crate::estimate::{Estimate, Residuals};
 use crate::identify::{self, EquationBuilder, EquationKind};
 use crate::model::IdentifiedModel;
 
@@ -87,8 +87,8 @@ pub fn residuals_of<M: BaseModel<f64> + ?Sized>(
     Ok(model.residuals(session.model, session.kind, &mut log, &means, lags)?)
 }
 
-/// Fits one log by least squares with some of its columns read in another way, and returns the residuals'
-/// statistics of each effort.
+/// Fits one log by least squares with some of its columns read in another way, and returns for each effort the rms of
+/// the residuals over its own about its mean, percent, with its name.
 ///
 /// - `columns`: assignments that take the place of those of the session.
 ///
@@ -98,16 +98,15 @@ pub fn errors_with_columns<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     run: &Run,
     columns: &[Assignment],
-) -> Result<Vec<EffortError>, SessionError> {
+) -> Result<Vec<(String, f64)>, SessionError> {
     let mut reading = session.reading.clone();
     reading.columns.splice(..0, columns.iter().cloned());
     let session = session.with_reading(reading);
     let mut log = session.open(std::slice::from_ref(run))?;
     let (set, _) = identify::observe(session.model, session.kind, &mut log)?;
     let values = Estimate::new(&set, session.options.weighting)?.values;
-    let means = set.means();
-    let residuals = identify::residuals(session.model, session.kind, &mut log, &values, &means, 1)?;
-    Ok(residuals.efforts())
+    let errors = set.relative_errors(&values)?;
+    Ok(set.efforts.into_iter().zip(errors).collect())
 }
 
 /// Opens runs, and reads the means of their efforts.

@@ -60,6 +60,10 @@ pub struct Suspicion {
     /// The same error with the change.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub changed: Option<f64>,
+    /// The same error with the change in the sample, where `changed` is that of the whole log: changes of the spec are
+    /// tried on the sample only.
+    #[serde(skip)]
+    pub changed_in_sample: Option<f64>,
     /// The error of each effort without and with the change.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub efforts: Vec<EffortChange>,

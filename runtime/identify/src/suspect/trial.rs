@@ -8,7 +8,6 @@ use super::{
     implausible_count, is_less_explained, least_states, quality,
 };
 use crate::data::Assignment;
-use crate::estimate::EffortError;
 use regen_runtime::BaseModel;
 
 /// The part that another gravity may leave of the largest error.
@@ -60,13 +59,13 @@ pub struct Trial {
     pub implausible: usize,
 }
 
-/// Fits the whole log with some columns read in another way, and returns the residuals' statistics of each effort;
-/// `None` where no fit is possible or known.
-pub type WholeFit<'a> = dyn Fn(&[Assignment]) -> Option<Vec<EffortError>> + 'a;
+/// Fits the whole log with some columns read in another way, and returns the error of each effort with its name, as
+/// [`errors_with_columns`](crate::session::errors_with_columns) does; `None` where no fit is possible or known.
+pub type WholeFit<'a> = dyn Fn(&[Assignment]) -> Option<Vec<(String, f64)>> + 'a;
 
 /// The product of the errors of the efforts, as the sum of its logarithms.
-fn log_product(errors: &[EffortError]) -> f64 {
-    let errors = errors.iter().map(|own| own.relative_absolute);
+fn log_product(errors: &[(String, f64)]) -> f64 {
+    let errors = errors.iter().map(|own| own.1);
     let errors = errors.filter(|error| error.is_finite());
     errors.map(|error| libm::log(error.max(LEAST_ERROR))).sum()
 }
@@ -75,7 +74,7 @@ fn log_product(errors: &[EffortError]) -> f64 {
 struct Fitted {
     change: Change,
     found: Suspicion,
-    errors: Vec<EffortError>,
+    errors: Vec<(String, f64)>,
 }
 
 /// Fits a model to a sample of a log; `None` where the loops do not close or an effort is constant.
@@ -173,7 +172,7 @@ impl Fitted {
         let here = self.errors.clone();
         let squares = |own: &Self| {
             let pairs = own.errors.iter().zip(&here);
-            let ratios = pairs.map(|(own, here)| own.relative_rms / here.relative_rms);
+            let ratios = pairs.map(|(own, here)| own.1 / here.1);
             let ratios = ratios.filter(|ratio| ratio.is_finite());
             ratios.map(|ratio| ratio * ratio).sum::<f64>()
         };
@@ -280,10 +279,9 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
                 errors,
             })
         };
-        let all = [Some(change), change.rival.as_deref()]
-            .into_iter()
-            .flatten();
-        let all = all.filter_map(fitted);
+        let of_positions = self.with_positions_exchanged(change, sample);
+        let rivals = change.rival.as_deref().into_iter().chain(&of_positions);
+        let all = [change].into_iter().chain(rivals).filter_map(fitted);
         let best = all.min_by(|a, b| log_product(&a.errors).total_cmp(&log_product(&b.errors)));
         let best = match (best, &before) {
             (Some(best), _) => best.with_best_zero(fitted),
@@ -302,18 +300,58 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             if gain <= least {
                 return None;
             }
-            let worst = |errors: &[EffortError]| {
-                let errors = errors.iter().map(|own| own.relative_absolute);
+            let worst = |errors: &[(String, f64)]| {
+                let errors = errors.iter().map(|own| own.1);
                 errors.filter(|error| error.is_finite()).reduce(f64::max)
             };
+            out.changed_in_sample = out.changed;
             (out.error, out.changed) = (worst(before), worst(&best.errors));
             let pairs = before.iter().zip(&best.errors);
+            let pairs = pairs.filter(|(before, after)| (before.1 + after.1).is_finite());
             let both = pairs.map(|(before, after)| EffortChange {
-                name: after.name.clone(),
-                error: Some(before.relative_absolute),
-                changed: after.relative_absolute,
+                name: after.0.clone(),
+                error: Some(before.1),
+                changed: after.1,
             });
             out.efforts = both.collect();
+        }
+        Some(out)
+    }
+
+    /// The exchange of the positions that are exchanged if it is not the efforts, which legs that are alike hardly
+    /// tell apart; `None` for any other change.
+    fn with_positions_exchanged(&self, change: &Change, sample: &Sample) -> Option<Change> {
+        let actuated = self.model.info().actuated;
+        let none = Change::none(change.efforts.len(), change.positions.len());
+        let exchanged = change.efforts.iter().enumerate();
+        let exchanged: Vec<(usize, usize)> = exchanged
+            .filter(|(to, own)| own.from != *to)
+            .map(|(to, own)| (to, own.from))
+            .collect();
+        let only = Change {
+            efforts: none.efforts.clone(),
+            before: Vec::new(),
+            after: Vec::new(),
+            rival: None,
+            ..change.clone()
+        };
+        let are_plain = change.efforts.iter().all(|own| own.factor == 1.0);
+        if exchanged.is_empty() || only != none || !are_plain {
+            return None;
+        }
+        let place = |effort: usize| {
+            let coordinate = actuated.get(effort)?;
+            sample.measured.iter().position(|own| own == coordinate)
+        };
+        let mut out = Change {
+            before: change.before.clone(),
+            after: change.after.clone(),
+            ..none
+        };
+        for (to, from) in exchanged {
+            // a column that has the effort of another joint is the position of that one, too, or has it instead
+            let (column, joint) = (place(to)?, place(from)?);
+            out.positions.get_mut(joint)?.from = column;
         }
         Some(out)
     }
@@ -427,18 +465,9 @@ mod tests {
     use super::*;
     use crate::data::Quantity;
 
-    /// The statistics of an effort of which this part is left, percent.
-    fn left(percent: f64) -> Vec<EffortError> {
-        vec![EffortError {
-            name: "q1".to_owned(),
-            samples: 100,
-            relative_absolute: percent,
-            rms: percent,
-            relative_rms: percent,
-            largest: 3.0 * percent,
-            autocorrelation: Vec::new(),
-            whiteness_p_value: 0.5,
-        }]
+    /// One effort of which this part is left, percent.
+    fn left(percent: f64) -> Vec<(String, f64)> {
+        vec![("q1".to_owned(), percent)]
     }
 
     fn columns_of(model: &Swings) -> LogColumns<'_, Swings> {
@@ -502,6 +531,43 @@ mod tests {
         };
         let found = told(&shifted(quarter, 3.0), &away).unwrap();
         assert!((found.offset - quarter).abs() < 1e-4, "{found:?}");
+    }
+
+    #[test]
+    fn positions_are_exchanged_where_the_whole_log_fits_better_so_than_with_other_efforts() {
+        let model = swings(true);
+        let sample = sample();
+        let mut change = Change::none(3, 3);
+        for (own, from) in change.efforts.iter_mut().zip([1, 2, 0]) {
+            own.from = from;
+        }
+        (change.before, change.after) = (vec![0.9; 3], vec![0.1; 3]);
+        let found = |of_positions: f64| {
+            let whole = move |columns: &[Assignment]| {
+                let of_efforts = |own: &Assignment| matches!(own.quantity, Quantity::Effort(_));
+                Some(left(match columns.first() {
+                    None => 90.0,
+                    Some(own) if of_efforts(own) => 10.0,
+                    Some(_) => of_positions,
+                }))
+            };
+            let found = columns_of(&model)
+                .tried(&change, &sample, &[], &whole)
+                .unwrap();
+            let Remedy::Read { columns, .. } = found.remedy else {
+                panic!("{found:?}")
+            };
+            let columns = columns.iter().take(3);
+            columns
+                .map(|own| format!("{}={}", own.quantity, own.column))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            found(20.0),
+            ["tau_q1=tau_q2", "tau_q2=tau_q3", "tau_q3=tau_q1"]
+        );
+        // the first column has the second joint's label, and so the first joint's position is in the second
+        assert_eq!(found(1.0), ["q1=q3", "q2=q1", "q3=q2"]);
     }
 
     #[test]

@@ -111,6 +111,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             what,
             error: None,
             changed: None,
+            changed_in_sample: None,
             efforts: Vec::new(),
             remedy,
         }
@@ -434,6 +435,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             what: words.join(", and "),
             error: percent(&change.before),
             changed: percent(&change.after),
+            changed_in_sample: None,
             efforts: each.collect(),
             remedy: Remedy::Read { advice, columns },
         })

@@ -308,6 +308,7 @@ mod tests {
                 what: "tau_q1 looks reversed".to_owned(),
                 error: None,
                 changed: None,
+                changed_in_sample: None,
                 efforts: Vec::new(),
                 remedy: Remedy::Series,
             },
