@@ -335,7 +335,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             rival: None,
             ..change.clone()
         };
-        let are_plain = change.efforts.iter().all(|own| own.factor == 1.0);
+        let are_plain = (change.efforts.iter()).all(|own| (own.factor - 1.0).abs() < f64::EPSILON);
         if exchanged.is_empty() || only != none || !are_plain {
             return None;
         }
