@@ -46,7 +46,7 @@ const MAX_DEVIATIONS_OF_ROUND: f64 = 3.0;
 const MIN_GAIN: f64 = 1.1;
 /// The same, where it changes the motion.
 const MIN_GAIN_OF_MOTION: f64 = 1.5;
-/// The factor by which the product of errors may be larger with another number, for which to take the whole log tells.
+/// The factor by which the product of errors may be larger with another number that is fitted to the whole log, too.
 const MAX_GAIN_OVER_RIVAL: f64 = 2.0;
 /// The smallest relative error that is compared.
 const LEAST_ERROR: f64 = 1e-3;
