@@ -105,8 +105,8 @@ fn nan_rules<T: Scalar>(proto: T, get: impl Fn(T) -> f64) {
     let zero = proto.splat(0.0);
     assert!(get(zero.sign()) == 0.0 && get((-zero).sign()) == 0.0);
     let infinite = proto.splat(f64::INFINITY);
-    assert!(get(Scalar::min(infinite, infinite)) == f64::INFINITY);
-    assert!(get(Scalar::max(-infinite, infinite)) == f64::INFINITY);
+    assert_eq!(get(Scalar::min(infinite, infinite)), f64::INFINITY);
+    assert_eq!(get(Scalar::max(-infinite, infinite)), f64::INFINITY);
 }
 
 #[test]

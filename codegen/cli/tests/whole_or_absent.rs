@@ -360,7 +360,7 @@ fn a_file_that_is_read_is_never_written_and_two_outputs_are_two_files() {
     {
         std::os::unix::fs::symlink("log.csv", dir.join("link.csv")).unwrap();
         regen(&dir, &["identify", spec, "log.csv", "--out", "link.csv"]).ended(2);
-        assert!(contents() == before);
+        assert_eq!(contents(), before);
         // a link to a file that does not exist yet is followed
         std::os::unix::fs::symlink("new.json", dir.join("dangling.json")).unwrap();
         regen(

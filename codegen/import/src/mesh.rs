@@ -146,8 +146,11 @@ fn stl(bytes: &[u8]) -> Option<Vec<Triangle>> {
         .and_then(|n| usize::try_from(n).ok());
     let length = count.and_then(|n| n.checked_mul(TRIANGLE)?.checked_add(HEAD));
     if length == Some(bytes.len()) {
-        let triangles = bytes[HEAD..].chunks_exact(TRIANGLE);
-        return triangles.map(|t| finite(binary_triangle(t)?)).collect();
+        let (triangles, _) = bytes[HEAD..].as_chunks::<TRIANGLE>();
+        return triangles
+            .iter()
+            .map(|t| finite(binary_triangle(t)?))
+            .collect();
     }
     let mut corners = Vec::new();
     let mut words = std::str::from_utf8(bytes).ok()?.split_whitespace();
@@ -159,9 +162,9 @@ fn stl(bytes: &[u8]) -> Option<Vec<Triangle>> {
             corners.push(point(&mut words)?);
         }
     }
-    let triangles = corners.chunks_exact(3);
-    let whole = triangles.remainder().is_empty();
-    whole.then(|| triangles.map(|t| finite([t[0], t[1], t[2]])).collect())?
+    let (triangles, rest) = corners.as_chunks::<3>();
+    rest.is_empty()
+        .then(|| triangles.iter().map(|t| finite(*t)).collect())?
 }
 
 /// The corners of a triangle in a binary STL file, which follow its normal.

@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn columns_count_characters_not_bytes() {
         let source = Source::new("f", "a: é\nüb: x");
-        let x = source.text.find('x').map_or(0, |at| at);
+        let x = source.text.find('x').unwrap_or(0);
         assert_eq!(
             source.position(Span::new(x, x + 1)),
             Position { line: 2, column: 5 }

@@ -71,7 +71,7 @@ pub(super) fn write(out: &mut Writer, analysis: &Analysis) {
 pub(super) fn read(from: &mut Reader<'_>) -> Option<Analysis> {
     let complete = from.flag()?;
     let conditioned = from.flag()?;
-    let condition = Some(from.double()?).filter(|_| conditioned);
+    let condition = conditioned.then_some(from.double()?);
     let certificate = if from.flag()? {
         Ok(Certificate {
             columns: from.size()?,

@@ -237,7 +237,7 @@ fn identities_between_transcendental_constants_are_found() {
 fn close_but_different_values_stay_different() {
     let tiny = dec("1e-200");
     let (s, _) = dec("0.3").sin_cos();
-    assert!(Number::one().add(&tiny) != Number::one());
+    assert_ne!(Number::one().add(&tiny), Number::one());
     assert_eq!(
         Number::one().add(&tiny).cmp_value(&Number::one()),
         Ordering::Greater
@@ -247,8 +247,8 @@ fn close_but_different_values_stay_different() {
         Ordering::Less
     );
     assert_eq!(root(2).add(&tiny).cmp_value(&root(2)), Ordering::Greater);
-    assert!(s.add(&dec("1e-70")) != s);
-    assert!(s.neg() != s);
+    assert_ne!(s.add(&dec("1e-70")), s);
+    assert_ne!(s.neg(), s);
     // a polynomial in pi and roots that is small but not zero
     let near = Number::pi().sub(&dec("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798214808651"));
     assert!(!near.is_zero());

@@ -151,10 +151,10 @@ fn rotate(a: &mut [f64], b: &mut [f64], cos: f64, sin: f64) {
 /// compute them in vector registers, and the result is the same in any.
 fn sum_of_products(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
-    let (first, second) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest = first.remainder().iter().zip(second.remainder());
+    let ((first, a_rest), (second, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let rest = a_rest.iter().zip(b_rest);
     let rest: f64 = rest.map(|(a, b)| a * b).sum();
-    for (a, b) in first.zip(second) {
+    for (a, b) in first.iter().zip(second) {
         for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
             *sum += a * b;
         }

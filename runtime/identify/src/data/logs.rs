@@ -747,7 +747,7 @@ pub(super) fn motion_noise(log: &Log, method: Method) -> Result<Vec<[f64; 2]>, S
 /// The time that the filters of states and equations need to settle at both ends of a segment, s.
 fn settling(file: &LogFile, survey: &Survey, settings: &Settings) -> f64 {
     let step = survey.time_step();
-    let settles = |smoothing: Smoothing| smoothing.settling(step).map_or(0, |rows| rows);
+    let settles = |smoothing: Smoothing| smoothing.settling(step).unwrap_or(0);
     let of_states = if file.layout.derivatives {
         Smoothing::None
     } else {

@@ -28,7 +28,7 @@ impl RowBlock {
     pub(crate) fn push(&mut self, row: impl Iterator<Item = f64>, side: f64) -> usize {
         let at = self.side.len();
         let mut given = 0;
-        let mut columns = self.columns.chunks_exact_mut(STRIDE);
+        let mut columns = self.columns.as_chunks_mut::<STRIDE>().0.iter_mut();
         for (column, entry) in columns.by_ref().zip(row) {
             column[at] = entry;
             given += 1;
@@ -52,7 +52,7 @@ impl RowBlock {
     pub(crate) fn flush(&mut self, factor: &mut QrFactor) -> Result<(), EstimateError> {
         let rows = self.side.len();
         let mut packed = Vec::with_capacity(self.columns.len() / STRIDE * rows);
-        for column in self.columns.chunks_exact(STRIDE) {
+        for column in self.columns.as_chunks::<STRIDE>().0 {
             packed.extend_from_slice(&column[..rows]);
         }
         factor.push_owned(packed, &mut self.side)?;

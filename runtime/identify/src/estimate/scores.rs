@@ -410,7 +410,7 @@ impl Scores {
         if self.blocks.len() > BLOCKS {
             let last = self.blocks.pop();
             let mut pairs = Vec::with_capacity(BLOCKS);
-            for pair in self.blocks.chunks_exact(2) {
+            for pair in self.blocks.as_chunks::<2>().0 {
                 let mut sum = pair[0].clone();
                 sum.add(&pair[1]);
                 pairs.push(sum);

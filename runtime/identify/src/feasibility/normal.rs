@@ -33,15 +33,15 @@ impl Products {
         Arch::new().dispatch(
             #[inline(always)]
             || {
-                let mut fours = rows.chunks_exact(TOGETHER);
-                for four in &mut fours {
+                let (fours, rest) = rows.as_chunks::<TOGETHER>();
+                for four in fours {
                     for i in 0..n {
                         let factors = [0, 1, 2, 3].map(|k: usize| 2.0 * four[k][i]);
                         let sources = [0, 1, 2, 3].map(|k: usize| &four[k][i..n]);
                         add_four(&mut all[i * n + i..(i + 1) * n], factors, sources);
                     }
                 }
-                for row in fours.remainder() {
+                for row in rest {
                     for i in 0..n {
                         let factor = 2.0 * row[i];
                         let out = &mut all[i * n + i..(i + 1) * n];

@@ -295,8 +295,8 @@ impl FrictionData {
         let of_laws = |change: &Vec<f64>| {
             let (base, linear) = change.split_at(change.len().min(self.labels.len()));
             let mut out = base.to_vec();
-            for (law, own) in laws.iter().zip(linear.chunks_exact(2)) {
-                let (coefficients, _) = law.of_linear([own[0], own[1]], [1.0; SHAPES]);
+            for (law, own) in laws.iter().zip(linear.as_chunks::<2>().0) {
+                let (coefficients, _) = law.of_linear(*own, [1.0; SHAPES]);
                 out.extend(coefficients.iter().take(law.coefficients().len()));
             }
             out

@@ -298,7 +298,7 @@ where
         let own = at
             .iter()
             .zip(d.chunks_exact(dof))
-            .zip(friction.chunks_exact(2));
+            .zip(friction.as_chunks::<2>().0);
         for ((place, d), own) in own {
             let velocity = |of: &[f64]| of.get(*place).copied().unwrap_or(0.0);
             let (v, v_other) = (velocity(usual), velocity(other));

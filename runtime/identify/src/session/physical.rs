@@ -231,7 +231,7 @@ pub fn scale<M: BaseModel<f64> + ?Sized>(
 
 /// Linear friction at joints with nonlinear friction, from `values`: Fc and Fv of each in turn.
 fn linear(joints: &[FrictionJoint], values: &[f64]) -> Vec<JointFit> {
-    let pairs = joints.iter().zip(values.chunks_exact(2));
+    let pairs = joints.iter().zip(values.as_chunks::<2>().0);
     pairs
         .map(|(joint, own)| JointFit {
             name: joint.name.clone(),

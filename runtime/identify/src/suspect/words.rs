@@ -241,10 +241,11 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let mut out = self.suspicion(
             format!("up to about {time} s and from there on, other parameters fit"),
             Remedy::Read {
-                advice: vec![format!(
+                advice: vec![
                     "A payload, a tool, a gain or a unit changes, or another run begins: find the row, and \
                      give the parts as runs of their own, by `times` in an experiment file"
-                )],
+                        .to_string(),
+                ],
                 columns: Vec::new(),
             },
         );
