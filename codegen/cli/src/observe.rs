@@ -5,7 +5,7 @@ use regen_identify::data::{
     Settings,
 };
 use regen_identify::estimate::EstimateError;
-use regen_identify::identify::{EquationKind, LeftOut, Options, observe};
+use regen_identify::identify::{EquationKind, LeftOut, observe};
 use regen_identify::session::{MonitoredLogs, Session, SessionError, from_logs};
 use regen_identify::signals::{Method, SignalError};
 use regen_identify::states::Standstill;
@@ -117,12 +117,9 @@ pub(crate) fn session<'m>(
     reading: &ReadingArgs,
 ) -> Session<'m, Interpreted<'m>> {
     Session {
-        model,
-        reading: settings(reading),
         kind: kind(reading),
-        options: Options::default(),
-        confidence: 0.95,
         watch: &TERMINAL,
+        ..Session::new(model, settings(reading))
     }
 }
 

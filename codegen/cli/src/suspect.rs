@@ -88,9 +88,11 @@ fn warn_of_more(
     let spec = OtherSpecs::new(&args.file, args.reading.payload);
     let session = observe::session(model, &args.reading);
     let mut out = doubts(&session, &args.logs, logs, found, &spec);
-    let known: Vec<String> = known.iter().map(ToString::to_string).collect();
     out.retain(|doubt| args.huber.is_none() || doubt.found.remedy != Remedy::Bounded);
-    out.retain(|doubt| !known.contains(&doubt.to_string()));
+    let is_same = |one: &Suspected, other: &Suspected| {
+        one.found.file == other.found.file && one.remedy == other.remedy
+    };
+    out.retain(|doubt| !known.iter().any(|own| is_same(own, doubt)));
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }

@@ -291,6 +291,8 @@ fn rows_that_two_logs_share_are_told() {
 #[test]
 fn saturated_efforts_are_found_with_their_rows() {
     let (dir, log) = bench("saturation");
+    let drop = ["--problems", "drop", "--format", "json"];
+    let whole = identify(&dir, &log.text(), &drop).ended(0).json();
     for name in ["tau_q1", "tau_q3"] {
         let largest = (0..2001)
             .map(|k| log.value(name, k).abs())
@@ -309,6 +311,39 @@ fn saturated_efforts_are_found_with_their_rows() {
             "{}",
             run.err
         );
+        // the equations of the other effort stay, and what is left is right
+        let run = identify(&dir, &cut.text(), &drop).ended(0);
+        assert!(
+            run.err
+                .contains("where an effort is saturated its equations only"),
+            "{}",
+            run.err
+        );
+        let found = run.json();
+        for (own, all) in found["efforts"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .zip(whole["efforts"].as_array().unwrap())
+        {
+            let (own_count, all_count) = (own["equations"].as_u64(), all["equations"].as_u64());
+            if name.ends_with(own["name"].as_str().unwrap()) {
+                assert!(own_count < all_count);
+            } else {
+                assert_eq!(own_count, all_count);
+            }
+        }
+        for (own, all) in found["parameters"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .zip(whole["parameters"].as_array().unwrap())
+        {
+            let figure = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
+            let apart = (figure(own, "value") - figure(all, "value")).abs();
+            // the same noise is in both
+            assert!(apart < 4.0 * figure(own, "sigma"), "{name}: {own} {all}");
+        }
     }
 }
 

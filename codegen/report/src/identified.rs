@@ -5,7 +5,7 @@ use regen_identify::data::{Run, Settings};
 use regen_identify::files::ParameterFile;
 use regen_identify::identify::Delays;
 use regen_identify::model::IdentifiedModel;
-use regen_identify::session::Session;
+use regen_identify::session::{LeastSquaresStart, Session};
 use regen_identify::signals::Method;
 use regen_identify::text;
 use regen_interpreted::Interpreted;
@@ -87,8 +87,7 @@ pub(crate) struct Content<'a> {
 /// use regen_codegen::{diag::Source, pipeline};
 /// use regen_identify::data::{Run, Settings};
 /// use regen_identify::files::ParameterFile;
-/// use regen_identify::identify::{EquationKind, Options};
-/// use regen_identify::session::{Session, Silent, from_logs};
+/// use regen_identify::session::{Session, from_logs};
 /// use regen_identify::status::EffortContributions;
 /// use regen_interpreted::{BaseTerms, Interpreted};
 /// use regen_report::{Inputs, report};
@@ -114,14 +113,7 @@ pub(crate) struct Content<'a> {
 /// }
 /// std::fs::write(&path, log)?;
 ///
-/// let session = Session {
-///     model: &model,
-///     reading: Settings::default(),
-///     kind: EquationKind::Forces,
-///     options: Options::default(),
-///     confidence: 0.95,
-///     watch: &Silent,
-/// };
+/// let session = Session::new(&model, Settings::default());
 /// let logs = [Run::from(path.clone())];
 /// let start = from_logs(&session, &mut session.open(&logs)?)?;
 /// let (identified, shares) = (start.model(), EffortContributions::of(&start.factor));
@@ -187,7 +179,11 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
         spectrum: figures::spectrum(model, &spectra)?,
         deviations: figures::deviations(inputs.file)?,
         residuals: residuals::spectra(model, &seen)?,
-        delays: start.map(|start| start.delays).unwrap_or_default(),
+        // delays of a model that does not explain the efforts are those of its mistakes
+        delays: start
+            .filter(LeastSquaresStart::explains_all)
+            .map(|start| start.delays)
+            .unwrap_or_default(),
         corrected: &session.reading.delays,
         seen,
         spectra,

@@ -44,8 +44,7 @@ const SLOW_ROUNDS: usize = 2;
 /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
 /// # }
 /// use regen_identify::data::{Run, Settings};
-/// use regen_identify::identify::{EquationKind, Options};
-/// use regen_identify::session::{Session, Silent};
+/// use regen_identify::session::Session;
 /// use regen_inspect::{delays_by_model, inspect};
 ///
 /// // the torque of a pendulum, 20 ms late, in a log
@@ -62,14 +61,7 @@ const SLOW_ROUNDS: usize = 2;
 /// std::fs::write(&path, text)?;
 ///
 /// let runs = [Run::from(path.clone())];
-/// let session = Session {
-///     model: &models::Pendulum,
-///     reading: Settings::default(),
-///     kind: EquationKind::Forces,
-///     options: Options::default(),
-///     confidence: 0.95,
-///     watch: &Silent,
-/// };
+/// let session = Session::new(&models::Pendulum, Settings::default());
 /// let mut logs = [inspect(&runs[0], &session.reading, None)?];
 /// delays_by_model(&session, &runs, &mut logs);
 /// let [seconds, sigma] = logs[0].efforts[0].delay.unwrap_or_default();

@@ -145,7 +145,8 @@ pub(crate) enum PayloadArg {
 pub(crate) enum ProblemsArg {
     /// List them and stop, also at gaps and repeated rows
     Fail,
-    /// Leave them out; the log is cut there
+    /// Leave them out; the log is cut there, but for saturated efforts, of which
+    /// the equations are left out
     Drop,
     /// Use those that are numbers: outliers, saturated efforts, encoders that look
     /// stuck

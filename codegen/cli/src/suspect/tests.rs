@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use regen_codegen::diag::Source;
 use regen_identify::data::{Assignment, Logs, Run, Settings};
 use regen_identify::identify::{EquationKind, Options, identify};
-use regen_identify::session::{Session, Silent, errors_with_columns};
+use regen_identify::session::{Session, errors_with_columns};
 use regen_identify::signals::{Fourier, Method};
 use regen_runtime::{LoopClosure, Model};
 
@@ -94,14 +94,7 @@ fn warnings(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Susp
         given: &settings.columns,
         model,
     };
-    let session = Session {
-        model,
-        reading: settings.clone(),
-        kind: EquationKind::Forces,
-        options: Options::default(),
-        confidence: 0.95,
-        watch: &Silent,
-    };
+    let session = Session::new(model, settings.clone());
     let run = Run::from(path.clone());
     let whole = |columns: &[Assignment]| errors_with_columns(&session, &run, columns).ok();
     let out = suspect::suspicions(&columns, &sample, used.as_ref(), &whole, &mut |_, _| {});

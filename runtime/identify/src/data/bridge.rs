@@ -181,6 +181,7 @@ impl Bridge {
                         line: row.line,
                         values,
                         bridged: true,
+                        ..LogRow::default()
                     };
                     self.add(between, each)?;
                 }
@@ -525,7 +526,7 @@ mod tests {
         LogRow {
             line: k as u64,
             values: vec![time, time.sin()],
-            bridged: false,
+            ..LogRow::default()
         }
     }
 

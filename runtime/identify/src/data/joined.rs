@@ -7,7 +7,7 @@ use super::file_rows::Wanted;
 use super::layout::Channel;
 use super::parsed::ParsedRows;
 use super::problem::{DataError, Problem, median};
-use super::reader::{LogFile, LogRow};
+use super::reader::{EffortSet, LogFile, LogRow};
 use super::resample::between;
 
 /// The number of rows at the start of a file from which its usual time step is computed.
@@ -136,6 +136,7 @@ impl<'a> JoinedRows<'a> {
                 line: 0,
                 values: vec![0.0; file.layout.channels.len()],
                 bridged: false,
+                unknown: EffortSet::default(),
             },
             numbers: Vec::new(),
         })

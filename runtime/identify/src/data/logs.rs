@@ -487,7 +487,9 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                 })?;
             log.rows(&mut |_| {}, &mut |row, follows| match &mut average {
                 Some(average) => {
-                    average.push(&row.values);
+                    if row.unknown.is_empty() {
+                        average.push(&row.values);
+                    }
                     Ok(())
                 }
                 None => window.take(row, None, follows),
@@ -501,7 +503,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
                     let row = LogRow {
                         line: 0,
                         values,
-                        bridged: false,
+                        ..LogRow::default()
                     };
                     window.take(&row, Some(weights), k > 0)?;
                 }

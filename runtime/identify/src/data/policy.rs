@@ -4,7 +4,10 @@ use super::problem::Fault;
 
 /// The kinds of faults whose rows can still be used, because all entries are numbers and the rows
 /// are in order of time.
-pub(super) const USABLE_KINDS: [&str; 3] = ["outlier", "saturation", "stuck encoder"];
+pub(super) const USABLE_KINDS: [&str; 3] = ["outlier", SATURATION, "stuck encoder"];
+
+/// The kind of the rows in which an effort is saturated.
+pub(super) const SATURATION: &str = "saturation";
 
 /// The kinds of faults that are treated as [`Gaps`] say.
 pub(super) const GAP_KINDS: [&str; 2] = ["gap", "dropout"];
@@ -15,7 +18,8 @@ pub enum Policy {
     /// Report all faults as an error, and compute nothing.
     #[default]
     Fail,
-    /// Leave out the faulty rows; the log is divided into segments there.
+    /// Leave out the faulty rows; the log is divided into segments there. Of rows in which an effort is saturated
+    /// only the equations are left out in which it acts.
     Drop,
     /// Use outliers, saturated efforts and positions of encoders that look stuck like any row;
     /// leave out rows that have no numbers or are not in order of time.

@@ -4,7 +4,7 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::policy::{GAP_KINDS, Policies, Policy, USABLE_KINDS};
+use super::policy::{GAP_KINDS, Policies, Policy, SATURATION, USABLE_KINDS};
 use crate::estimate::EstimateError;
 use crate::signals::SignalError;
 use regen_runtime::{ClosureError, SizeError};
@@ -256,7 +256,7 @@ impl Fault {
             Self::Uneven { .. } => "uneven step",
             Self::Dropout { .. } => "dropout",
             Self::Outlier { .. } => "outlier",
-            Self::Saturated { .. } => "saturation",
+            Self::Saturated { .. } => SATURATION,
             Self::Stuck { .. } => "stuck encoder",
             Self::Cut { .. } => "cut short",
             Self::Open { .. } => "not closed",
@@ -310,6 +310,11 @@ impl Problems {
         self.counts.iter().any(|(kind, _)| kind == open)
     }
 
+    /// Whether there are rows in which an effort is saturated.
+    pub fn has_saturated(&self) -> bool {
+        self.counts.iter().any(|(kind, _)| kind == SATURATION)
+    }
+
     /// The number of rows with problems, over all kinds.
     pub fn total(&self) -> usize {
         self.counts.iter().map(|(_, count)| count).sum()
@@ -346,7 +351,8 @@ impl Problems {
             .filter(|(kind, _)| {
                 let usable = USABLE_KINDS.contains(kind) || GAP_KINDS.contains(kind);
                 let used = policies.of(kind).uses_doubtful_rows() && usable;
-                !WITHOUT_ROWS.contains(kind) && !used
+                // of a row with a saturated effort only the equations of that are left out
+                !WITHOUT_ROWS.contains(kind) && !used && *kind != SATURATION
             })
             .collect()
     }

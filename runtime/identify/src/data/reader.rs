@@ -23,6 +23,34 @@ pub(super) struct LogRow {
     pub(super) values: Vec<f64>,
     /// Whether some of them are interpolated across a gap or a dropout.
     pub(super) bridged: bool,
+    /// The efforts whose values are not used, as they are saturated.
+    pub(super) unknown: EffortSet,
+}
+
+/// Some of the first 64 efforts of a row.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct EffortSet(u64);
+
+impl EffortSet {
+    /// This set with one more effort; `None` for an effort behind the first 64.
+    pub(super) fn with(self, effort: usize) -> Option<Self> {
+        let bit = 1_u64.checked_shl(u32::try_from(effort).ok()?)?;
+        Some(Self(self.0 | bit))
+    }
+
+    /// The efforts of both sets.
+    pub(super) fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    pub(super) fn contains(self, effort: usize) -> bool {
+        let shift = u32::try_from(effort).unwrap_or(u32::MAX);
+        self.0.checked_shr(shift).unwrap_or(0) & 1 == 1
+    }
+
+    pub(super) fn is_empty(self) -> bool {
+        self.0 == 0
+    }
 }
 
 /// The tables without those from which no column is read, where a file has several, such as a bag

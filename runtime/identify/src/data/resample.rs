@@ -9,7 +9,7 @@
 use std::collections::VecDeque;
 
 use super::problem::DataError;
-use super::reader::{LogRow, RowSink};
+use super::reader::{EffortSet, LogRow, RowSink};
 
 /// Rows that one is interpolated between: two on either side.
 const POINTS: usize = 4;
@@ -67,7 +67,7 @@ pub(super) struct Resampler {
     /// The last rows of the present segment: time and the other entries.
     recent: VecDeque<(f64, Vec<f64>)>,
     /// The lines of these rows, and whether they are interpolated across a gap.
-    lines: VecDeque<(u64, bool)>,
+    lines: VecDeque<(u64, bool, EffortSet)>,
     /// Whether the next row of the grid follows the last one without a gap.
     follows: bool,
 }
@@ -109,7 +109,7 @@ impl Resampler {
             self.lines.pop_front();
         }
         self.recent.push_back((time, values.to_vec()));
-        self.lines.push_back((row.line, row.bridged));
+        self.lines.push_back((row.line, row.bridged, row.unknown));
         // a time is known once there are two rows after it
         match self.recent.len().checked_sub(3) {
             Some(left) => self.emit(left, each),
@@ -162,13 +162,16 @@ impl Resampler {
             self.next += 1;
             let mut values = between(&self.recent, left, time);
             values.insert(0, time);
-            let (line, _) = self.lines.get(left).copied().unwrap_or_default();
-            let between = self.lines.iter().skip(left).take(2);
-            let row = LogRow {
+            let (line, ..) = self.lines.get(left).copied().unwrap_or_default();
+            let mut row = LogRow {
                 line,
                 values,
-                bridged: between.fold(false, |any, (_, bridged)| any | bridged),
+                ..LogRow::default()
             };
+            for (_, bridged, unknown) in self.lines.iter().skip(left).take(2) {
+                row.bridged |= bridged;
+                row.unknown = row.unknown.or(*unknown);
+            }
             each(&row, self.follows)?;
             self.follows = true;
         }
@@ -191,7 +194,7 @@ mod tests {
             let row = LogRow {
                 line: k as u64,
                 values: vec![*t, *x],
-                bridged: false,
+                ..LogRow::default()
             };
             let follows = k > 0 && !gaps.contains(&k);
             resampler.push(&row, follows, &mut each).unwrap();

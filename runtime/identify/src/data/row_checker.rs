@@ -6,7 +6,7 @@ use super::bridge::{Bridging, is_even};
 use super::layout::ColumnLayout;
 use super::policy::{Gaps, UsedFaults};
 use super::problem::{DataError, Fault, Problem, median};
-use super::reader::{LogRow, RowSink};
+use super::reader::{EffortSet, LogRow, RowSink};
 use super::survey::Survey;
 
 /// Rows on either side of a value that decide whether it is an outlier.
@@ -284,6 +284,7 @@ impl<'a> RowChecker<'a> {
         }
         let mut own = self.spare.pop().unwrap_or_default();
         own.line = row.line;
+        own.unknown = EffortSet::default();
         own.values.clone_from(&row.values);
         let off = self.survey.off_rows.get(&row.line);
         let fault = off.map(|(entry, off)| {
@@ -311,6 +312,11 @@ impl<'a> RowChecker<'a> {
                     column: self.layout.title(efforts.start + k),
                     value: pending.row.values[efforts.start + k],
                 }));
+                // a row without a place for this effort is left out as a whole
+                match pending.row.unknown.with(k) {
+                    Some(unknown) if !self.used_faults.saturated => pending.row.unknown = unknown,
+                    _ => {}
+                }
             }
         }
         if self.queue.len() >= OUTLIER_ROWS {
@@ -396,7 +402,10 @@ impl<'a> RowChecker<'a> {
             each(row, follows)?;
         }
         if let Some(what) = pending.fault {
-            let keep = self.used_faults.uses(&what);
+            // of a saturated effort the equations are left out, and the motion goes on
+            let is_saturated = matches!(*what, Fault::Saturated { .. });
+            let keep =
+                self.used_faults.uses(&what) || is_saturated && !pending.row.unknown.is_empty();
             problem(Problem::of(pending.row.line, *what));
             if !keep {
                 self.segment_ended = true;

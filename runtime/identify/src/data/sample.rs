@@ -252,8 +252,16 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 valid = valid.start.max(own.start)..valid.end.min(own.end);
             }
         }
+        let step = log.survey.time_step();
+        let own_reach = reach(log, method, Encoder::default());
+        #[allow(clippy::cast_sign_loss, reason = "neither is negative")]
+        let near = |delay: &f64| ((2.0 * own_reach + delay.abs()) / step).ceil() as usize;
+        let unknown: Vec<Vec<bool>> = (out.delays.iter().enumerate())
+            .map(|(effort, delay)| rows.near_unknown(effort, near(delay)))
+            .collect();
         for k in valid.step_by(every) {
-            if rows.bridged().get(k) == Some(&true) || bent.get(k) == Some(&true) {
+            let is_unknown = unknown.iter().any(|own| own.get(k) == Some(&true));
+            if is_unknown || rows.bridged().get(k) == Some(&true) || bent.get(k) == Some(&true) {
                 continue;
             }
             let pick = |d: usize| motion.iter().map(|m| m[d][k]).collect();

@@ -1,6 +1,6 @@
 //! Consecutive rows of a log, column by column.
 
-use super::reader::LogRow;
+use super::reader::{EffortSet, LogRow};
 use crate::signals::{Butterworth, SignalError};
 
 /// Consecutive rows; their columns are those of [`LogRow::values`].
@@ -8,6 +8,7 @@ use crate::signals::{Butterworth, SignalError};
 pub(super) struct Stretch {
     lines: Vec<u64>,
     bridged: Vec<bool>,
+    unknown: Vec<EffortSet>,
     columns: Vec<Vec<f64>>,
 }
 
@@ -22,6 +23,7 @@ impl Stretch {
         }
         self.lines.push(row.line);
         self.bridged.push(row.bridged);
+        self.unknown.push(row.unknown);
     }
 
     /// Whether a row has entries that are interpolated across a gap.
@@ -44,6 +46,20 @@ impl Stretch {
             start = end;
         }
         out
+    }
+
+    /// For each row, whether an effort is not known there, or at one of `most` rows before or behind it; empty where
+    /// it is known at all rows.
+    pub(super) fn near_unknown(&self, effort: usize, most: usize) -> Vec<bool> {
+        let unknown: Vec<bool> = self
+            .unknown
+            .iter()
+            .map(|own| own.contains(effort))
+            .collect();
+        if !unknown.contains(&true) {
+            return Vec::new();
+        }
+        spread(&unknown, most)
     }
 
     /// The number of rows.
@@ -80,6 +96,7 @@ impl Stretch {
             columns: passed.collect::<Result<_, _>>()?,
             lines: self.lines.clone(),
             bridged: self.bridged.clone(),
+            unknown: self.unknown.clone(),
         })
     }
 
@@ -88,6 +105,7 @@ impl Stretch {
         let first = self.len().saturating_sub(rows);
         self.lines.drain(..first);
         self.bridged.drain(..first);
+        self.unknown.drain(..first);
         for column in &mut self.columns {
             column.drain(..first);
         }
@@ -97,6 +115,14 @@ impl Stretch {
     pub(super) fn clear(&mut self) {
         self.keep_last(0);
     }
+}
+
+/// Whether one of the rows up to `reach` before or behind each row is marked.
+pub(super) fn spread(marked: &[bool], reach: usize) -> Vec<bool> {
+    let near = |k: usize| marked.get(k.saturating_sub(reach)..(k + reach + 1).min(marked.len()));
+    let rows = 0..marked.len();
+    rows.map(|k| near(k).unwrap_or_default().contains(&true))
+        .collect()
 }
 
 #[cfg(test)]
@@ -111,6 +137,7 @@ mod tests {
                 line: u64::from(k) + 2,
                 values: vec![0.1 * f64::from(k), f64::from(k)],
                 bridged: k == 3,
+                ..LogRow::default()
             });
         }
         rows.keep_last(2);
@@ -134,6 +161,7 @@ mod tests {
                 line: k,
                 values: vec![0.1 * k as f64],
                 bridged: (4..13).contains(&k) || (20..22).contains(&k),
+                ..LogRow::default()
             });
         }
         let near = |most: usize| {

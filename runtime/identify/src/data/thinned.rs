@@ -4,7 +4,7 @@
 use super::logs::{Log, Logs, signal};
 use super::noise_levels::NoiseLevels;
 use super::problem::DataError;
-use super::reader::LogRow;
+use super::reader::{EffortSet, LogRow};
 use super::standstill::{Differences, Encoder};
 use crate::intervals::Random;
 use crate::signals::{Butterworth, Method, Sampled, SignalError};
@@ -284,13 +284,17 @@ fn thinned(log: &Log, every: usize) -> Result<Log, DataError> {
             });
         }
         let used = (margin..rows.len() - margin).step_by(every);
+        let around = |k: usize, reach: usize| {
+            let near = k.saturating_sub(reach)..rows.len().min(k + reach + 1);
+            rows.get(near).unwrap_or_default().iter()
+        };
         let row = |k: usize| LogRow {
             line: rows.get(k).map_or(0, |row| row.line),
             values: columns.iter().filter_map(|c| c.get(k).copied()).collect(),
             // one of the rows that it stands for is interpolated
-            bridged: rows
-                .get(k.saturating_sub(every / 2)..rows.len().min(k + every / 2 + 1))
-                .is_some_and(|near| near.iter().any(|row| row.bridged)),
+            bridged: around(k, every / 2).any(|row| row.bridged),
+            unknown: around(k, 2 * every)
+                .fold(EffortSet::default(), |all, row| all.or(row.unknown)),
         };
         stretches.push(used.map(row).collect::<Vec<LogRow>>());
     }

@@ -84,13 +84,18 @@ pub fn tracks(
     let survey = file.survey(&names)?;
     let mut problems = Problems::default();
     let mut out: Vec<Track> = Vec::new();
-    let mut rows = 0;
+    let (mut rows, mut is_ended) = (0, false);
     file.rows(
         &survey,
         &mut |problem| problems.add(problem),
         &mut |row, follows| {
+            // a track has no equations of which some could be left out
+            if !row.unknown.is_empty() {
+                is_ended = true;
+                return Ok(());
+            }
             rows += 1;
-            if !follows || out.is_empty() {
+            if !follows || out.is_empty() || core::mem::take(&mut is_ended) {
                 out.push(places.track());
             }
             let Some(track) = out.last_mut() else {

@@ -10,7 +10,7 @@ use super::reader::LogRow;
 use super::settings::Settings;
 use super::shift;
 use super::standstill::{Encoder, resting};
-use super::stretch::Stretch;
+use super::stretch::{Stretch, spread};
 use super::unmeasured::Unmeasured;
 use crate::estimate::EstimateError;
 use crate::signals::{Method, SignalError, Smoothing};
@@ -121,6 +121,21 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         self.rows.near_bridged(rows.min(self.support))
     }
 
+    /// For each effort the rows whose equations it makes unknown, as its value there or near by is not used; empty
+    /// where it is known at all rows.
+    fn near_unknown(&self) -> Vec<Vec<bool>> {
+        let step = self.log.survey.time_step();
+        // an effort that is moved in time, or filtered, is a sum of those of rows around
+        let filtered = self.fewer.as_ref().map_or(0, |own| 2 * own.every);
+        #[allow(clippy::cast_sign_loss, reason = "neither is negative")]
+        let moved = |delay: &f64| (delay.abs() / step).ceil() as usize;
+        let reaches = self.delays.iter().map(|own| filtered + moved(own));
+        reaches
+            .enumerate()
+            .map(|(effort, reach)| self.rows.near_unknown(effort, reach))
+            .collect()
+    }
+
     /// Computes the states of all rows that have enough neighbours, or, at the `end` of a segment, of
     /// all rows that remain.
     fn process(&mut self, end: bool) -> Result<(), DataError> {
@@ -216,6 +231,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         }
         let mut held = self.held(&efforts, &still);
         let bridged = self.near_bridged();
+        let unknown = self.near_unknown();
         // if the equations are filtered, they are decimated after the filter instead
         let every = match (&self.fewer, self.settings.method.smoothing()) {
             (Some(fewer), _) => fewer.every,
@@ -246,7 +262,12 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             self.count += 1;
         }
         for samples in used.chunks(STATES) {
-            self.emit(samples, &motion, (&efforts, &held), (&still, &bridged))?;
+            self.emit(
+                samples,
+                &motion,
+                (&efforts, &held),
+                (&still, &bridged, &unknown),
+            )?;
         }
         if end {
             self.rows.clear();
@@ -307,7 +328,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         samples: &[usize],
         motion: &[[Vec<f64>; 3]],
         (efforts, held): (&[Vec<f64>], &[Vec<f64>]),
-        (still, bridged): (&[Vec<bool>], &[bool]),
+        (still, bridged, unknown): (&[Vec<bool>], &[bool], &[Vec<bool>]),
     ) -> Result<(), DataError> {
         let before = self.completion.given_up();
         let states = self.completion.complete_many(motion, samples)?;
@@ -347,6 +368,13 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             &mut pivots,
         )?;
         self.leave_out(&q, count)?;
+        // the rows at which efforts are not known, with the equations in which they act
+        let mut doubtful = Vec::new();
+        for (effort, rows) in unknown.iter().enumerate() {
+            if samples.iter().any(|k| rows.get(*k) == Some(&true)) {
+                doubtful.push((rows, self.equations_of(effort, &q, count)?));
+            }
+        }
         // the weight of an effort applies to the equation of the same coordinate
         let place = |c: &usize| info.actuated.iter().position(|a| a == c);
         let places: Vec<Option<usize>> = info.independent.iter().map(place).collect();
@@ -391,6 +419,10 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 let own = given.zip(*place).and_then(|(w, p)| w.get(p).copied());
                 *weight = if *left_out { 0.0 } else { own.unwrap_or(1.0) };
             }
+            for (_, equations) in doubtful.iter().filter(|(rows, _)| rows[k]) {
+                let own = weights.iter_mut().zip(equations);
+                own.filter(|(_, acts)| **acts).for_each(|(w, _)| *w = 0.0);
+            }
             // a coordinate that is not measured rests when all measured ones do
             rests.fill(still.iter().all(|rests| rests[k]));
             for (c, own) in self.log.file.layout.measured.iter().zip(still) {
@@ -420,6 +452,35 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         Ok(())
     }
 
+    /// Whether an effort acts in each equation at some of these states.
+    ///
+    /// - `q`: their coordinates, one series for each.
+    fn equations_of(&self, effort: usize, q: &[f64], count: usize) -> Result<Vec<bool>, DataError> {
+        let info = self.model.info();
+        let mut unit = vec![0.0; info.actuated.len() * count];
+        let own = unit.iter_mut().skip(effort * count).take(count);
+        own.for_each(|x| *x = 1.0);
+        let mut tau = vec![0.0; info.dof() * count];
+        let arguments = Arguments {
+            q,
+            tau_actuated: &unit,
+            ..Arguments::EMPTY
+        };
+        let function = Function::GeneralizedForces;
+        let mut pivots = vec![1.0; count];
+        eval_many(
+            self.model,
+            function,
+            count,
+            arguments,
+            &mut tau,
+            &mut pivots,
+        )?;
+        // where the loops do not close there are no numbers
+        let acts = |series: &[f64]| series.iter().any(|t| t.is_finite() && *t != 0.0);
+        Ok(tau.chunks_exact(count.max(1)).map(acts).collect())
+    }
+
     /// Finds the equations in which an effort acts that is not measured, at these states.
     ///
     /// - `q`: their coordinates, one series for each.
@@ -427,29 +488,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let layout = &self.log.file.layout;
         let info = self.model.info();
         for effort in &layout.unmeasured {
-            let mut unit = vec![0.0; info.actuated.len() * count];
-            let own = unit.iter_mut().skip(effort * count).take(count);
-            own.for_each(|x| *x = 1.0);
-            let mut tau = vec![0.0; info.dof() * count];
-            let arguments = Arguments {
-                q,
-                tau_actuated: &unit,
-                ..Arguments::EMPTY
-            };
-            let function = Function::GeneralizedForces;
-            let mut pivots = vec![1.0; count];
-            eval_many(
-                self.model,
-                function,
-                count,
-                arguments,
-                &mut tau,
-                &mut pivots,
-            )?;
-            let equations = self.left_out.iter_mut().zip(tau.chunks_exact(count));
-            for (left_out, series) in equations {
-                // where the loops do not close there are no numbers
-                *left_out |= series.iter().any(|t| t.is_finite() && *t != 0.0);
+            let acts = self.equations_of(*effort, q, count)?;
+            for (left_out, acts) in self.left_out.iter_mut().zip(acts) {
+                *left_out |= acts;
             }
         }
         if !self.left_out.contains(&false) && !layout.unmeasured.is_empty() {
@@ -488,17 +529,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
     }
 }
 
-/// For each row, whether it or a row at most so far from it rests.
-fn spread(rests: &[bool], reach: usize) -> Vec<bool> {
-    let near = |k: usize| rests.get(k.saturating_sub(reach)..(k + reach + 1).min(rests.len()));
-    let rows = 0..rests.len();
-    rows.map(|k| near(k).unwrap_or_default().contains(&true))
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::spread;
+    use crate::data::stretch::spread;
 
     #[test]
     fn a_rest_is_that_of_the_rows_around_it() {

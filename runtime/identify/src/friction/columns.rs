@@ -108,8 +108,8 @@ impl FrictionColumns<'_> {
                 }
             }
         }
-        let channels = out.len().checked_div(run.times.len()).unwrap_or(0);
-        run.filter(&data.filtering, out, channels)
+        let rows: Vec<usize> = self.places(data).into_iter().map(|own| own.1).collect();
+        run.filter(&data.filtering, out, &rows)
     }
 }
 

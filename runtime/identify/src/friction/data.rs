@@ -49,7 +49,7 @@ pub(super) struct Run {
     pub(super) qd: Vec<f64>,
     /// See [`directions`], sample by sample: dof x joints, joint by joint.
     pub(super) directions: Vec<f64>,
-    /// For each sample 1, or 0 if it is interpolated across a gap.
+    /// For each equation of each sample 1, or 0 if the sample is interpolated across a gap or an effort has no value.
     pub(super) known: Vec<f64>,
     /// The number of samples whose equations are averaged; 0 stands for 1 as long as there is one sample.
     pub(super) averaged: usize,
@@ -67,42 +67,52 @@ impl Run {
 
     /// Averages and filters series as the equations are.
     ///
-    /// - `values`: `width` entries for each sample; then as many for each average.
+    /// - `values`: an entry of each row in `rows` for each sample; then as many for each average.
     pub(super) fn filter(
         &self,
         filtering: &Filtering,
         values: &mut Vec<f64>,
-        width: usize,
+        rows: &[usize],
     ) -> Result<(), SignalError> {
-        let averaged = self.averaged.max(1);
-        let times = self.averages();
+        let (width, times) = (rows.len(), self.averages());
+        let dof = self.known.len() / self.times.len().max(1);
         let is_whole = !self.known.contains(&0.0);
         if !is_whole {
-            for (own, known) in values.chunks_exact_mut(width.max(1)).zip(&self.known) {
-                for value in own.iter_mut() {
-                    *value *= known;
+            let samples = values.chunks_exact_mut(width.max(1));
+            for (own, known) in samples.zip(self.known.chunks_exact(dof.max(1))) {
+                for (value, row) in own.iter_mut().zip(rows) {
+                    *value *= known.get(*row).unwrap_or(&1.0);
                 }
             }
         }
+        self.average(values, width);
+        filtering.smoothing.apply(&times, values, width)?;
+        if !is_whole {
+            let mut known = self.known.clone();
+            self.average(&mut known, dof);
+            filtering.smoothing.apply(&times, &mut known, dof)?;
+            let samples = values.chunks_exact_mut(width.max(1));
+            for (own, known) in samples.zip(known.chunks_exact(dof.max(1))) {
+                normalise(own, known, rows.iter().copied());
+            }
+        }
+        Ok(())
+    }
+
+    /// Averages series of `width` entries for each sample.
+    fn average(&self, values: &mut Vec<f64>, width: usize) {
+        let averaged = self.averaged.max(1);
+        let groups = self.times.len() / averaged;
         if averaged > 1 {
-            for group in 0..times.len() {
+            for group in 0..groups {
                 for k in 0..width {
                     let own =
                         (group * averaged..(group + 1) * averaged).map(|i| values[i * width + k]);
                     values[group * width + k] = own.sum::<f64>() / averaged as f64;
                 }
             }
-            values.truncate(times.len() * width);
+            values.truncate(groups * width);
         }
-        filtering.smoothing.apply(&times, values, width)?;
-        if !is_whole {
-            let mut known: Vec<f64> = self.known.chunks_exact(averaged).map(mean).collect();
-            filtering.smoothing.apply(&times, &mut known, 1)?;
-            for (own, known) in values.chunks_exact_mut(width.max(1)).zip(&known) {
-                normalise(own, *known);
-            }
-        }
-        Ok(())
     }
 }
 
@@ -191,7 +201,8 @@ impl FrictionData {
         self.check_sample(qd, directions)?;
         self.check_equations(w, tau, weights)?;
         let time = self.runs.last().map_or(0, |run| run.times.len());
-        self.push_sample(time as f64, qd, directions, false)?;
+        let known = core::iter::repeat_n(true, self.dof);
+        self.push_sample(time as f64, qd, directions, known)?;
         self.push_equations(time as f64, w, tau, weights)
     }
 
@@ -219,13 +230,13 @@ impl FrictionData {
 
     /// Adds a sample's motion, which is not filtered.
     ///
-    /// - `bridged`: whether it is interpolated across a gap.
+    /// - `known`: whether each of its equations is known.
     pub(super) fn push_sample(
         &mut self,
         time: f64,
         qd: &[f64],
         directions: &[f64],
-        bridged: bool,
+        known: impl Iterator<Item = bool>,
     ) -> Result<(), EstimateError> {
         self.check_sample(qd, directions)?;
         for (acts, d) in self.acts.iter_mut().zip(directions) {
@@ -237,7 +248,7 @@ impl FrictionData {
         }
         if let Some(run) = self.runs.last_mut() {
             run.times.push(time);
-            run.known.push(f64::from(!bridged));
+            run.known.extend(known.map(f64::from));
             if let [first, second] = run.times[..] {
                 run.averaged = self.filtering.averaged(second - first);
             }

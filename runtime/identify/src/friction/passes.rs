@@ -83,7 +83,8 @@ impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
         if core::mem::take(&mut self.gap) || !row.follows {
             data.interrupt();
         }
-        data.push_sample(row.time, &qd, &d, row.bridged)?;
+        let known = row.weights.iter().map(|w| !row.bridged && *w != 0.0);
+        data.push_sample(row.time, &qd, &d, known)?;
         Ok(true)
     }
 

@@ -324,7 +324,8 @@ mod tests {
             }
             let qd = [entry(1), 0.3 * entry(2), 2.0 * entry(3)];
             let directions = [1.0, 0.2, 0.0, 1.0, entry(4), 0.5];
-            data.push_sample(t, &qd, &directions, false).unwrap();
+            let known = core::iter::repeat_n(true, data.dof);
+            data.push_sample(t, &qd, &directions, known).unwrap();
             let w = [entry(5), 0.0, entry(6), entry(7), 0.0, entry(8)];
             let weights = [2.0, if k % 9 == 0 { 0.0 } else { 0.5 }];
             if k % 400 > 30 && k % 400 < 280 && k % 5 != 0 {

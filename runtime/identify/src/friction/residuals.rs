@@ -42,6 +42,7 @@ impl FrictionData {
         let laws: Vec<_> = friction.iter().map(JointFit::law).collect();
         let (mut friction, mut fitted) = (Vec::new(), vec![0.0; dof]);
         let mut used = vec![false; dof];
+        let rows: Vec<usize> = (0..dof).collect();
         self.visit_runs(&mut |run, first| {
             friction.clear();
             friction.resize(run.times.len() * dof, 0.0);
@@ -54,7 +55,7 @@ impl FrictionData {
                     }
                 }
             }
-            run.filter(&self.filtering, &mut friction, dof)?;
+            run.filter(&self.filtering, &mut friction, &rows)?;
             for (index, (equation, sample)) in (first..).zip(&run.equations).enumerate() {
                 if index == 0 {
                     out.interrupt();

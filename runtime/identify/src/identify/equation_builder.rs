@@ -297,8 +297,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         let info = self.model.info();
         crate::estimate::require("tau", info.dof(), sample.tau.len())?;
         crate::estimate::require("qd", info.coordinates.len(), sample.qd.len())?;
-        if sample.bridged {
-            // the work across a gap is not known
+        if sample.bridged || sample.weights.contains(&0.0) {
+            // neither the work across a gap nor that of an effort without a value is known
             self.balance = None;
             return Ok(true);
         }

@@ -117,26 +117,32 @@ const BLOCK_ROWS: usize = 2048;
 /// twentieth of its rms value in a part of 0.0225, so that of fast motion not everything is left out.
 pub(super) const MAX_RESTED_PART: f64 = 0.03;
 
-/// The least part of the filter's weights that lies outside of bridged gaps for an equation to be used.
-pub(crate) const MIN_KNOWN_PART: f64 = 0.5;
+/// The least part of the filter's weights that lies at samples where an equation is known for it to be used.
+const MIN_KNOWN_PART: f64 = 0.5;
 /// Where the filter's weights add up to 1 but for this, no sample was left out.
 const WHOLE: f64 = 1e-9;
 
-/// Divides filtered values of samples, of which those in bridged gaps were set to 0, by the part of the
-/// filter's weights that lies outside of these gaps. Both sides of the equations are treated so, and
-/// equations that hold at every sample then hold for the result too.
+/// Divides filtered values of samples, of which those that are not known were set to 0, by the part of the
+/// filter's weights that lies at the others. Both sides of an equation are treated so, and one that holds at
+/// every sample then holds for the result too. Where that part does not suffice, the values stay.
 ///
-/// Returns whether that part suffices.
-pub(crate) fn normalise(values: &mut [f64], known: f64) -> bool {
-    if known < MIN_KNOWN_PART {
-        return false;
+/// - `known`: that part, for each equation;
+/// - `rows`: the equation of each value.
+pub(crate) fn normalise(values: &mut [f64], known: &[f64], rows: impl Iterator<Item = usize>) {
+    if known.iter().all(|known| (known - 1.0).abs() <= WHOLE) {
+        return;
     }
-    if (known - 1.0).abs() > WHOLE {
-        for value in values {
-            *value /= known;
+    for (value, row) in values.iter_mut().zip(rows) {
+        match known.get(row) {
+            Some(known) if is_known(*known) && (known - 1.0).abs() > WHOLE => *value /= known,
+            _ => {}
         }
     }
-    true
+}
+
+/// Whether enough of what the filter averages is known for an equation to be used.
+fn is_known(part: f64) -> bool {
+    part >= MIN_KNOWN_PART
 }
 
 /// Factors of couplings are larger than this.
@@ -205,8 +211,8 @@ struct Stream<'m, M: ?Sized> {
     /// The number of columns in addition to those of the base regressor.
     extra: usize,
     /// The number of entries of a sample in `values`: dof for each column, dof for the efforts, dof
-    /// for those that are held, dof for the flags of coordinates that move, and one for the flag of a
-    /// sample that is not interpolated.
+    /// for those that are held, dof for the flags of coordinates that move, and dof for the flags of
+    /// equations that are known, as neither the motion is interpolated nor an effort in them without a value.
     width: usize,
     times: Vec<f64>,
     values: Vec<f64>,
@@ -298,7 +304,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             friction: Direction::of(model),
             dof,
             extra,
-            width: dof * (columns + 3) + 1,
+            width: dof * (columns + 4),
             times: Vec::new(),
             values: Vec::new(),
             weights: Vec::new(),
@@ -438,11 +444,14 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         } else {
             self.friction.moved(row.at_standstill, &mut self.values);
         }
-        if row.bridged {
-            let own = self.values.get_mut(start..).unwrap_or_default();
-            own.fill(0.0);
+        self.values.extend(core::iter::repeat_n(1.0, self.dof));
+        for e in 0..self.dof {
+            // an equation without a weight has an effort without a value
+            if row.bridged || row.weights.get(e) == Some(&0.0) {
+                let own = self.values.iter_mut().skip(start + e);
+                own.step_by(self.dof).for_each(|value| *value = 0.0);
+            }
         }
-        self.values.push(f64::from(!row.bridged));
         self.times.push(row.time);
         self.weights.extend_from_slice(row.weights);
         Ok(true)
@@ -604,16 +613,19 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                 continue;
             }
             let sample = &mut self.filtered[k * self.width..(k + 1) * self.width];
-            let (sample, known) = sample.split_at_mut(self.width - 1);
-            let known = known.first().copied().unwrap_or(1.0);
-            let is_known = normalise(sample, known);
-            self.left.bridged += usize::from(!is_known);
-            let (w, rest) = sample.split_at(self.width - 1 - 3 * dof);
+            let (sample, known) = sample.split_at_mut(self.width - dof);
+            normalise(sample, known, (0..dof).cycle());
+            let is_bridged = !known.iter().any(|part| is_known(*part));
+            self.left.bridged += usize::from(is_bridged);
+            let (w, rest) = sample.split_at(self.width - 4 * dof);
             let (tau, rest) = rest.split_at(dof);
             let (held, moved) = rest.split_at(dof);
             let own = &self.weights[k * dof..(k + 1) * dof];
             let weights = &mut self.own_weights;
-            for (e, (weight, moved)) in weights.iter_mut().zip(moved).enumerate() {
+            let known = known.iter().map(|part| is_known(*part));
+            for (e, ((weight, moved), is_known)) in
+                weights.iter_mut().zip(moved).zip(known).enumerate()
+            {
                 let part = if self.filtering.standstill == Standstill::Weigh {
                     moved.clamp(0.0, 1.0)
                 } else {

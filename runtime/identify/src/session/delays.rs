@@ -21,16 +21,23 @@ const ONE_CAUSE_PART: f64 = 0.1;
 const SETTLED_DEVIATIONS: f64 = 0.2;
 /// It is taken back wholly where so many standard deviations are left of it.
 const MIN_DEVIATIONS: f64 = 3.0;
+/// A correction by more than this, s, must make the residuals of its effort smaller by
+/// [`MIN_GAIN_OF_LONG`]: efforts that a wrong model does not explain fit better with some delay too.
+const LONG_DELAY_S: f64 = 0.02;
+const MIN_GAIN_OF_LONG: f64 = 2.0;
 
 /// The delay of an effort that is searched.
 struct Search {
     effort: String,
+    /// The first delay, s.
+    start: f64,
     /// The delay that is tried, s.
     tried: f64,
     /// The last delay with residuals that are not larger than those at the first one, s.
     best: f64,
-    /// The standard deviation of the residuals at the first delay.
+    /// The standard deviations of the residuals at the first delay and at the best.
     first: f64,
+    smallest: f64,
     /// What is left at the best delay, s, with its standard deviation.
     left: (f64, f64),
     is_done: bool,
@@ -56,12 +63,22 @@ impl Search {
             return true;
         }
         self.best = self.tried;
+        self.smallest = residual;
         self.left = (correction, sigma);
         if self.is_done || !is_worth_it {
             return false;
         }
         self.tried += correction;
         true
+    }
+
+    /// Goes back to the first delay where the best one is far from it and explains little.
+    fn doubt(&mut self) {
+        let correction = self.best - self.start;
+        if correction.abs() > LONG_DELAY_S && MIN_GAIN_OF_LONG * self.smallest > self.first {
+            self.left.0 += correction;
+            self.best = self.start;
+        }
     }
 
     /// Whether another delay is as likely, or differs from the found one by at most a tenth.
@@ -98,7 +115,8 @@ fn one_cause(searches: &[Search]) -> Option<f64> {
 /// [`Delay::is_worth_correcting`](crate::identify::Delay::is_worth_correcting). As the estimate of a delay
 /// is of first order, it is repeated with corrected efforts until none is left. Corrections that leave
 /// the residuals of an effort larger than without any are taken back by half until they do not: of
-/// efforts that the model hardly explains, first order overshoots.
+/// efforts that the model hardly explains, first order overshoots. A correction by more than 20 ms that
+/// does not halve the residuals of its effort is left out.
 ///
 /// # Errors
 /// [`SessionError::DelaysFromEnergyBalance`] for energy balances; when a log cannot be read.
@@ -126,14 +144,7 @@ pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
         weighting: session.options.weighting,
         ..Options::default()
     };
-    let mut session = Session {
-        model: session.model,
-        reading: session.reading.clone(),
-        kind: session.kind,
-        options: session.options,
-        confidence: session.confidence,
-        watch: session.watch,
-    };
+    let mut session = session.with_reading(session.reading.clone());
     let given = session.reading.delays.clone();
     let mut searches: Vec<Search> = Vec::new();
     for _ in 0..rounds {
@@ -145,9 +156,11 @@ pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
                 let start = start.map_or(0.0, |(_, seconds)| *seconds);
                 searches.push(Search {
                     effort: delay.effort.clone(),
+                    start,
                     tried: start,
                     best: start,
                     first: residual,
+                    smallest: residual,
                     left: (delay.seconds, delay.sigma),
                     is_done: false,
                 });
@@ -163,6 +176,7 @@ pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
         }
         session.reading.delays = with(&given, &searches, |own| own.tried);
     }
+    searches.iter_mut().for_each(Search::doubt);
     let found = with(&given, &searches, |own| own.best);
     let Some(common) = one_cause(&searches).filter(|_| given.is_empty()) else {
         return Ok(found);
@@ -283,9 +297,11 @@ mod tests {
     fn followed(residual: impl Fn(f64) -> f64, correction: impl Fn(f64) -> f64) -> f64 {
         let mut search = Search {
             effort: String::new(),
+            start: 0.0,
             tried: 0.0,
             best: 0.0,
             first: residual(0.0),
+            smallest: residual(0.0),
             left: (0.0, 1e-4),
             is_done: false,
         };
@@ -315,9 +331,11 @@ mod tests {
     fn settled(best: f64, left: f64, sigma: f64) -> Search {
         Search {
             effort: String::new(),
+            start: 0.0,
             tried: best,
             best,
             first: 1.0,
+            smallest: 1.0,
             left: (left, sigma),
             is_done: false,
         }
@@ -364,6 +382,21 @@ mod tests {
     }
 
     #[test]
+    fn a_long_delay_that_explains_little_is_not_corrected() {
+        let after = |best: f64, smallest: f64| {
+            let mut own = Search {
+                smallest,
+                ..settled(best, 1e-4, 1e-4)
+            };
+            own.doubt();
+            (own.best, own.left.0)
+        };
+        assert_eq!(after(-0.16, 0.9), (0.0, -0.16 + 1e-4));
+        assert_eq!(after(0.16, 0.1), (0.16, 1e-4));
+        assert_eq!(after(0.002, 0.9), (0.002, 1e-4));
+    }
+
+    #[test]
     fn residuals_that_only_rounding_makes_larger_take_no_correction_back() {
         let mut search = settled(0.0, 0.0, 1e-5);
         assert!(search.advance(1.0, (1e-3, 1e-5), true));
@@ -376,20 +409,14 @@ mod tests {
     fn efforts_that_are_late_are_corrected_by_their_delay_each() {
         use crate::suspect::swings_for_tests::{swings, written};
         let model = swings(false);
-        let session = Session {
-            model: &model,
-            reading: crate::data::Settings {
-                method: crate::signals::Method::Butterworth {
-                    order: 4,
-                    cutoff: 10.0,
-                },
-                ..crate::data::Settings::default()
+        let reading = crate::data::Settings {
+            method: crate::signals::Method::Butterworth {
+                order: 4,
+                cutoff: 10.0,
             },
-            kind: EquationKind::Forces,
-            options: Options::default(),
-            confidence: 0.95,
-            watch: &super::super::Silent,
+            ..crate::data::Settings::default()
         };
+        let session = Session::new(&model, reading);
         let late = written("late", 3000, 0.013, |_| true);
         let found = settled_delays(&session, &[late.0.clone().into()]).unwrap_or_default();
         let names: Vec<&str> = found.iter().map(|own| own.0.as_str()).collect();

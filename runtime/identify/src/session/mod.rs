@@ -55,6 +55,20 @@ pub struct Session<'a, M: ?Sized> {
     pub watch: &'a dyn Monitor,
 }
 
+impl<'a, M: ?Sized> Session<'a, M> {
+    /// A session of the equations of motion with the default options, intervals of 95 % and no word of its progress.
+    pub fn new(model: &'a M, reading: Settings) -> Self {
+        Self {
+            model,
+            reading,
+            kind: EquationKind::Forces,
+            options: Options::default(),
+            confidence: 0.95,
+            watch: &Silent,
+        }
+    }
+}
+
 impl<M: ?Sized> Session<'_, M> {
     /// The same session, in which currents of unknown gain are read in A.
     #[must_use]

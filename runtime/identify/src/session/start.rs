@@ -82,6 +82,12 @@ impl LeastSquaresStart {
         measured.map(|(_, error)| error.clone()).collect()
     }
 
+    /// Whether the model explains all efforts but for noise.
+    pub fn explains_all(&self) -> bool {
+        let mut errors = self.measured_errors().into_iter();
+        errors.all(|error| error.of_means().is_explained())
+    }
+
     /// The start from equations of motion that were solved with their statistics.
     ///
     /// - `confidence`: the level of the intervals, in (0, 1); `method`: how they were computed, in

@@ -28,7 +28,8 @@ pub struct StateSample<'a> {
     /// the direction of its friction; empty where that is not known.
     pub at_standstill: &'a [bool],
     /// The weight of each equation of this sample, `dof` entries, which multiplies the weight of
-    /// the effort; an energy balance has the first entry of the sample at which its window starts.
+    /// the effort; an energy balance has the first entry of the sample at which its window starts. An
+    /// equation of weight 0 has an effort without a value here, which no filter passes on to others.
     pub weights: &'a [f64],
     /// Whether the sample follows the one before it without a gap.
     pub follows: bool,

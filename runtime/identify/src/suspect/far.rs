@@ -1,7 +1,7 @@
-//! Stretches in which an effort is far from what the model explains of it, and drifts away from that.
+//! Stretches in which an effort is far from what the model explains of it.
 
 use super::grams::{Fit, Grams};
-use super::{Drift, Drifting, FarEffort, MIN_DOUBTED_ERROR, Sample};
+use super::Sample;
 
 /// The smallest residual of such a state, in robust deviations.
 const MIN_DEVIATIONS: f64 = 12.0;
@@ -15,11 +15,21 @@ const MAX_FAR_PART: f64 = 0.1;
 const MAX_STRETCHES: usize = 3;
 /// States further apart than this many usual distances belong to two stretches.
 const MAX_APART: usize = 3;
-/// The least part of what is left of an effort that a drift is, in squares, and that it is with a constant.
-const MIN_DRIFTING_PART: f64 = 0.2;
-const MIN_STRAIGHT_PART: f64 = 0.5;
 /// A median absolute deviation times this is a standard deviation.
 const DEVIATION_OF_MEDIAN: f64 = 1.4826;
+
+/// An effort that is far from what the model explains of it in a part of a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FarEffort {
+    /// The effort: an index into `Info::actuated`.
+    pub effort: usize,
+    /// The times of the first and the last state that is far off, s.
+    pub times: [f64; 2],
+    /// The largest residual, N or N m.
+    pub largest: f64,
+    /// The robust standard deviation of the residuals.
+    pub usual: f64,
+}
 
 /// The states in which an effort is further off than chance: a fit that they spoil is made without them.
 pub(super) fn doubted(grams: &Grams, fit: &Fit) -> Vec<usize> {
@@ -105,47 +115,4 @@ pub(super) fn efforts(sample: &Sample, grams: &Grams, fit: &Fit) -> (Vec<FarEffo
     states.sort_unstable();
     states.dedup();
     (out, states)
-}
-
-/// The efforts of which most that is left is a drift over the log, and matters.
-pub(super) fn drifts(sample: &Sample, grams: &Grams, fit: &Fit) -> Vec<Drift> {
-    let time = |state: usize| sample.states.get(state).map_or(f64::NAN, |s| s.time);
-    let one = |i: usize| {
-        let effort = grams.only_effort(i)?;
-        let spread = *fit.spreads.get(i)?;
-        // time, residual and prediction
-        let rows: Vec<[f64; 3]> = (grams.stored.iter())
-            .filter(|own| own.has(i))
-            .map(|own| {
-                let left = own.residual(i, &fit.values);
-                [time(own.state), left, own.tau.get(i).unwrap_or(&0.0) - left]
-            })
-            .collect();
-        let n = rows.len() as f64;
-        let mean = |of: &dyn Fn(&[f64; 3]) -> f64| rows.iter().map(of).sum::<f64>() / n;
-        let (t, r) = (mean(&|p| p[0]), mean(&|p| p[1]));
-        let squares = mean(&|p| p[1] * p[1]);
-        let whole = rows.last()?[0] - rows.first()?[0];
-        let matters = |drifting: f64| {
-            drifting.sqrt() > MIN_DOUBTED_ERROR * spread && drifting > MIN_DRIFTING_PART * squares
-        };
-        let tt = mean(&|p| (p[0] - t).powi(2));
-        let tr = mean(&|p| (p[0] - t) * (p[1] - r));
-        let constant = tr * tr / tt;
-        let gg = mean(&|p| ((p[0] - t) * p[2]).powi(2));
-        let gr = mean(&|p| (p[0] - t) * p[2] * p[1]);
-        let gain = gr * gr / gg;
-        let is_straight = constant + r * r > MIN_STRAIGHT_PART * squares;
-        if matters(constant) && is_straight && (gain < constant || gain.is_nan()) {
-            return Some(Drift {
-                effort,
-                change: Drifting::Constant(tr / tt * whole),
-            });
-        }
-        (matters(gain) && gain > MIN_STRAIGHT_PART * squares).then_some(Drift {
-            effort,
-            change: Drifting::Gain(gr / gg * whole),
-        })
-    };
-    (0..grams.rows()).filter_map(one).collect()
 }

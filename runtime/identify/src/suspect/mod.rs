@@ -7,12 +7,15 @@
 //! pass. A hypothesis on the positions needs a pass of its own, over fewer states, and is tried
 //! only where changes of efforts do not explain the errors.
 
-mod chance;
+mod cut_off;
+mod drifts;
 mod efforts;
 mod facts;
 mod far;
 mod grams;
+mod implausible;
 mod judge;
+mod motion_noise;
 mod noise;
 mod parts;
 mod positions;
@@ -20,18 +23,24 @@ mod positions;
 pub(crate) mod swings_for_tests;
 mod trial;
 mod unknowns;
+mod whole_log;
 mod words;
 
+pub use cut_off::CutOff;
+pub use drifts::{Drift, Drifting};
 pub use facts::{NegativeParameter, Nominal, Shift};
+pub use far::FarEffort;
 pub use judge::{EffortChange, Remedy, Suspicion, contradiction, suspicions};
 pub use noise::{NoiseAlone, noise_alone};
-pub use parts::{CutOff, Parts};
-pub use trial::{Trial, WholeFit, short_trial, trial, weightless};
+pub use parts::Parts;
+pub use trial::{Trial, short_trial, trial, weightless};
+pub use whole_log::WholeFit;
 pub use words::LogColumns;
 
 use crate::data::{Measured, STATES, Sample, Spikes};
-use chance::{implausible_count, is_noise_of_motion, with_noise};
 use grams::{Fit, Grams};
+use implausible::implausible_count;
+use motion_noise::{is_noise_of_motion, with_noise};
 use regen_runtime::BaseModel;
 
 /// The column that a quantity is read from, and the factor on it.
@@ -105,10 +114,22 @@ impl Change {
 
     /// Whether it only takes constants from efforts.
     fn has_constants_only(&self) -> bool {
+        let none = Self::none(self.efforts.len(), self.positions.len());
+        self.efforts == none.efforts
+            && Self {
+                offsets: none.offsets,
+                ..self.clone()
+            }
+            .has_efforts_only()
+    }
+
+    /// Whether it only reads efforts from other columns, or multiplied.
+    fn has_efforts_only(&self) -> bool {
         let none = Self {
-            offsets: self.offsets.clone(),
+            efforts: self.efforts.clone(),
             before: self.before.clone(),
             after: self.after.clone(),
+            sign: self.sign,
             rival: self.rival.clone(),
             ..Self::none(self.efforts.len(), self.positions.len())
         };
@@ -236,38 +257,6 @@ impl Sample {
             ..self.clone()
         }
     }
-}
-
-/// An effort that is far from what the model explains of it in a part of a log.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FarEffort {
-    /// The effort: an index into `Info::actuated`.
-    pub effort: usize,
-    /// The times of the first and the last state that is far off, s.
-    pub times: [f64; 2],
-    /// The largest residual, N or N m.
-    pub largest: f64,
-    /// The robust standard deviation of the residuals.
-    pub usual: f64,
-}
-
-/// An effort that drifts away from what the model explains of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drift {
-    /// The effort: an index into `Info::actuated`.
-    pub effort: usize,
-    /// What changes over the log.
-    pub change: Drifting,
-}
-
-/// What drifts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum Drifting {
-    /// A constant, by so many N or N m over the log.
-    Constant(f64),
-    /// The factor on the effort, by this part of its mean over the log.
-    Gain(f64),
 }
 
 /// The results of checking a log.
@@ -491,7 +480,7 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
             other.is_none_or(|other| MIN_GAIN_OF_NUMBERS * quality(&own.after) < other)
         };
         out.parts = parts.filter(is_less);
-        out.cut_off = parts::cut_off(sample, grams, now);
+        out.cut_off = cut_off::search(sample, grams, now);
         if !out.cut_off.is_empty() {
             out.parts = None;
         }
@@ -501,7 +490,7 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
         out.nominal = facts::nominal(model, grams, &read);
         out.driving = facts::driving(model, grams, now);
         if best.is_none() && out.parts.is_none() && out.cut_off.is_empty() {
-            out.drifts = far::drifts(sample, grams, now);
+            out.drifts = drifts::search(sample, grams, now);
         }
         if let (None, None, Some((values, sigmas))) = (&best, &out.parts, estimate) {
             out.negative = facts::negative(model, grams, now, values, sigmas);

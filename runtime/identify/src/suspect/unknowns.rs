@@ -178,11 +178,11 @@ fn search_among<M: BaseModel<f64> + ?Sized>(
         let Some(more) = ended.next().map(|more| few.without_needless(more)) else {
             break;
         };
-        rival = ended.next().filter(|own| own.values.len() == 1);
         if log_errors(&more.fit) >= log_errors(&found.fit) {
             break;
         }
         found = more;
+        rival = ended.next().filter(|own| own.values.len() == 1);
         // what is left is noise, which more numbers explain by chance only
         if found.correlation() < MAX_CORRELATION_OF_NOISE {
             break;

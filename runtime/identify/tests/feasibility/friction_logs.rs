@@ -141,15 +141,18 @@ fn a_log_is_collected_without_its_singular_samples() {
 }
 
 /// At 500 samples per second and a cutoff of 2 Hz the equations of four samples are averaged. Samples in
-/// a bridged gap have no influence on either, whatever they are.
+/// a bridged gap have no influence on either, whatever they are, nor have efforts without a weight.
 #[test]
 fn friction_is_averaged_over_samples_as_its_equations_are() {
-    averaged_friction(|_| false);
-    averaged_friction(|k| k % 700 < 45 || k % 333 == 7);
+    let gaps = |k: i32| k % 700 < 45 || k % 333 == 7;
+    averaged_friction(|_| false, |_| false);
+    averaged_friction(gaps, |_| false);
+    averaged_friction(|_| false, gaps);
 }
 
-/// - `bridged`: whether a sample lies in a gap.
-fn averaged_friction(bridged: impl Fn(i32) -> bool) {
+/// - `bridged`: whether a sample lies in a gap;
+/// - `unknown`: whether its effort has no value.
+fn averaged_friction(bridged: impl Fn(i32) -> bool, unknown: impl Fn(i32) -> bool) {
     let model = SliderCrank::default();
     let filtering = Filtering {
         smoothing: Smoothing::Butterworth {
@@ -170,7 +173,11 @@ fn averaged_friction(bridged: impl Fn(i32) -> bool) {
             .track_state(&[0.8 + 0.6 * s], &[0.9 * c], &[-1.35 * s])
             .unwrap();
         let is_bridged = bridged(k);
-        let tau = if is_bridged { -20.0 } else { effort(&state) };
+        let tau = if is_bridged || unknown(k) {
+            -20.0
+        } else {
+            effort(&state)
+        };
         let qdd = state.qdd.iter().map(|x| if is_bridged { 3.0 } else { *x });
         log.push_row(&StateSample {
             time: t,
@@ -181,7 +188,7 @@ fn averaged_friction(bridged: impl Fn(i32) -> bool) {
             efforts: &[],
             held: &[],
             at_standstill: &[],
-            weights: &[1.0],
+            weights: &[f64::from(!unknown(k))],
             follows: k > 0,
             bridged: is_bridged,
         });

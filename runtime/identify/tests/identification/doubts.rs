@@ -5,8 +5,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use regen_identify::data::{Assignment, Logs, Run, Settings};
-use regen_identify::identify::{EquationKind, Options};
-use regen_identify::session::{Session, Silent, errors_with_columns};
+use regen_identify::session::{Session, errors_with_columns};
 use regen_identify::signals::Method;
 use regen_identify::suspect::{LogColumns, suspicions};
 
@@ -42,14 +41,7 @@ fn doubts(effort: impl Fn(u32) -> f64, beyond: f64, method: Method) -> Vec<Strin
         given: &[],
         model: &Pendulum,
     };
-    let session = Session {
-        model: &Pendulum,
-        reading: settings.clone(),
-        kind: EquationKind::Forces,
-        options: Options::default(),
-        confidence: 0.95,
-        watch: &Silent,
-    };
+    let session = Session::new(&Pendulum, settings.clone());
     let run = Run::from(path.clone());
     let whole = |columns: &[Assignment]| errors_with_columns(&session, &run, columns).ok();
     let sample = logs.sample(0).unwrap();

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use regen_identify::data::Settings;
-use regen_identify::identify::{EquationKind, InstrumentOptions, Options, instrumental};
-use regen_identify::session::{LeastSquaresStart, Session, Silent, from_logs};
+use regen_identify::identify::{InstrumentOptions, instrumental};
+use regen_identify::session::{LeastSquaresStart, Session, from_logs};
 use regen_identify::signals::Method;
 use regen_identify::states::MotionSeries;
 
@@ -84,14 +84,7 @@ fn filter() -> Settings {
 }
 
 fn session(reading: Settings) -> Session<'static, Pendulum> {
-    Session {
-        model: &Pendulum,
-        reading,
-        kind: EquationKind::Forces,
-        options: Options::default(),
-        confidence: 0.95,
-        watch: &Silent,
-    }
+    Session::new(&Pendulum, reading)
 }
 
 /// The least-squares estimate, and by how much other derivatives would change it.

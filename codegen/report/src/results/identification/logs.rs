@@ -356,6 +356,9 @@ fn treated(problems: &Problems, policy: Policy) -> Option<String> {
             });
         }
         Policy::Tell => "are doubtful; those that are numbers are used",
+        Policy::Fail | Policy::Drop if problems.has_saturated() => {
+            "were left out, and where an effort is saturated its equations only"
+        }
         Policy::Fail | Policy::Drop => "were left out",
     };
     let count = problems.total();

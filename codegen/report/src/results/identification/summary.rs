@@ -165,6 +165,12 @@ impl std::fmt::Display for Suspected {
 }
 
 impl Summary {
+    /// Whether the model explains all efforts but for noise.
+    pub fn explains_all(&self) -> bool {
+        let mut errors = self.efforts.iter().filter_map(|own| own.error.as_ref());
+        errors.all(|error| error.of_means().is_explained())
+    }
+
     /// The summary of a least-squares fit; the results of later steps are empty.
     pub fn of(start: &LeastSquaresStart) -> Self {
         let estimate = &start.estimate;

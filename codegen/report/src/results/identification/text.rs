@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use regen_codegen::explain::lines::{columns, field, item};
 use regen_identify::files::ParameterFile;
+use regen_identify::identify::Delays;
 use regen_identify::session::LogError;
 use regen_identify::status::{self, Status};
 use regen_identify::text::{figure, figure_of};
@@ -55,11 +56,14 @@ pub fn identification_text(found: &Identification) -> String {
     let corrected = summary
         .relative_absolute
         .zip(summary.relative_absolute_without_delays);
-    out.push_str(&delays_text(
-        &summary.delays,
-        &summary.corrected_delays,
-        corrected,
-    ));
+    // delays of a model that does not explain the efforts are those of its mistakes
+    let none = Delays::default();
+    let delays = if summary.explains_all() {
+        &summary.delays
+    } else {
+        &none
+    };
+    out.push_str(&delays_text(delays, &summary.corrected_delays, corrected));
     if let Some(instruments) = &summary.instruments {
         out.push_str(&instruments.to_text());
     }

@@ -1,0 +1,395 @@
+//! Fits whole logs with columns that are read in another way, so that a change of columns is advised only where the
+//! log fits better with it.
+
+use super::words::LogColumns;
+use super::{Change, EffortChange, Nominal, Remedy, Sample, Suspicion};
+use crate::data::Assignment;
+use regen_runtime::BaseModel;
+
+/// The factor by which a fit of the whole log must be better with another change than with the first one.
+const MIN_GAIN_OF_RIVAL: f64 = 1.005;
+/// The factor by which a fit of the whole log may be worse with a change that only flips signs.
+const MAX_LOSS_OF_SIGNS: f64 = 1.02;
+/// The part by which a zero that was found is changed to find a better one.
+const PART_OF_ZERO: f64 = 0.1;
+/// A zero that is a whole number of quarters of a turn, but for rounding, is round.
+const MAX_OFF_QUARTERS: f64 = 1e-9;
+/// The smallest error of an effort that is compared, percent.
+const LEAST_ERROR: f64 = 0.1;
+
+/// Fits the whole log with some columns read in another way, and returns the error of each effort with its name, as
+/// [`errors_with_columns`](crate::session::errors_with_columns) does; `None` where no fit is possible or known.
+pub type WholeFit<'a> = dyn Fn(&[Assignment]) -> Option<Vec<(String, f64)>> + 'a;
+
+/// The product of the errors of the efforts, as the sum of its logarithms.
+fn log_product(errors: &[(String, f64)]) -> f64 {
+    let errors = errors.iter().map(|own| own.1);
+    let errors = errors.filter(|error| error.is_finite());
+    errors.map(|error| libm::log(error.max(LEAST_ERROR))).sum()
+}
+
+/// A change with which the whole log was fitted.
+struct Fitted {
+    change: Change,
+    found: Suspicion,
+    errors: Vec<(String, f64)>,
+}
+
+impl Fitted {
+    /// The same change with the zero of its position with which the whole log fits best, if that is its only number:
+    /// the lowest point of a parabola through the mean squares at three zeros.
+    fn with_best_zero(self, fitted: impl Fn(&Change) -> Option<Self>) -> Self {
+        let zeros = self.change.positions.iter().enumerate();
+        let mut zeros = zeros.filter(|(_, own)| own.offset != 0.0);
+        let Some((place, zero)) = zeros.next().map(|(k, own)| (k, own.offset)) else {
+            return self;
+        };
+        let quarters = zero / core::f64::consts::FRAC_PI_2;
+        let is_round = (quarters - quarters.round()).abs() < MAX_OFF_QUARTERS;
+        if self.change.number_count() != 1 || is_round {
+            return self;
+        }
+        let first = self.change.clone();
+        let at = |offset: f64| {
+            let mut change = first.clone();
+            let positions = change.positions.iter_mut().skip(place).take(1);
+            positions.for_each(|own| own.offset = offset);
+            fitted(&change)
+        };
+        let here = self.errors.clone();
+        let squares = |own: &Self| {
+            let pairs = own.errors.iter().zip(&here);
+            let ratios = pairs.map(|(own, here)| own.1 / here.1);
+            let ratios = ratios.filter(|ratio| ratio.is_finite());
+            ratios.map(|ratio| ratio * ratio).sum::<f64>()
+        };
+        let step = PART_OF_ZERO * zero;
+        let (Some(below), Some(above)) = (at(zero - step), at(zero + step)) else {
+            return self;
+        };
+        let fits = [(zero - step, &below), (zero, &self), (zero + step, &above)];
+        let lowest = lowest_of_parabola(fits.map(|(x, own)| (x, squares(own))));
+        let within = |x: &f64| (x - zero).abs() < 3.0 * step.abs();
+        let best = lowest.filter(within).and_then(at);
+        let others = [below, above].into_iter().chain(best);
+        others.fold(self, |best, own| {
+            if squares(&own) < squares(&best) {
+                own
+            } else {
+                best
+            }
+        })
+    }
+}
+
+/// Where the parabola through three points is lowest; `None` if it is not.
+fn lowest_of_parabola([a, b, c]: [(f64, f64); 3]) -> Option<f64> {
+    let slope = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 - a.0);
+    let (first, second) = (slope(a, b), slope(b, c));
+    let curvature = (second - first) / (c.0 - a.0);
+    (curvature > 0.0).then(|| 0.5 * (a.0 + b.0 - first / curvature))
+}
+
+impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
+    /// The suspicion that a change or its rival corrects the log, whichever fits the whole log better; `None` if it
+    /// fits no better with either.
+    ///
+    /// - `nominal`: as for [`change`](Self::change).
+    pub(super) fn tried(
+        &self,
+        change: &Change,
+        sample: &Sample,
+        nominal: &[Nominal],
+        whole: &WholeFit<'_>,
+    ) -> Option<Suspicion> {
+        let untried = self.change(change, sample, nominal);
+        // a filter is not that of rows at another rate, and advice on delays cannot be followed here
+        if change.is_of_times() {
+            return untried;
+        }
+        let before = whole(&[]);
+        let fitted = |change: &Change| {
+            let found = self.change(change, sample, nominal)?;
+            let Remedy::Read { columns, .. } = &found.remedy else {
+                return None;
+            };
+            let errors = whole(columns).filter(|_| !columns.is_empty())?;
+            let change = change.clone();
+            Some(Fitted {
+                change,
+                found,
+                errors,
+            })
+        };
+        let flipped = self.with_positions_flipped(change, sample);
+        let exchanged = self.with_positions_exchanged(change, sample);
+        let rivals = change.rival.as_deref().into_iter().chain(&exchanged);
+        let rivals = rivals.chain(&flipped).filter_map(fitted);
+        let first = fitted(change);
+        let (mut best, mut is_told_apart) = (first, true);
+        for own in rivals {
+            let gain = best.as_ref().map_or(f64::INFINITY, |best| {
+                log_product(&best.errors) - log_product(&own.errors)
+            });
+            let is_flipped = Some(&own.change) == flipped.as_ref();
+            is_told_apart &= !is_flipped || gain.abs() > libm::log(MIN_GAIN_OF_RIVAL);
+            if gain > libm::log(MIN_GAIN_OF_RIVAL) {
+                best = Some(own);
+            }
+        }
+        let best = match (best, &before) {
+            (Some(best), _) => best.with_best_zero(fitted),
+            // a log that can be read neither so nor otherwise may have further mistakes
+            (None, None) if change.before.is_empty() => return untried,
+            (None, _) => return None,
+        };
+        let mut out = best.found;
+        if !is_told_apart {
+            out.what += ", or that of the position, which this log does not tell apart";
+        }
+        if let Some(before) = &before {
+            let gain = log_product(before) - log_product(&best.errors);
+            let least = if change.sign {
+                -libm::log(MAX_LOSS_OF_SIGNS)
+            } else {
+                0.0
+            };
+            if gain <= least {
+                return None;
+            }
+            let worst = |errors: &[(String, f64)]| {
+                let errors = errors.iter().map(|own| own.1);
+                errors.filter(|error| error.is_finite()).reduce(f64::max)
+            };
+            out.changed_in_sample = out.changed;
+            (out.error, out.changed) = (worst(before), worst(&best.errors));
+            let pairs = before.iter().zip(&best.errors);
+            let pairs = pairs.filter(|(before, after)| (before.1 + after.1).is_finite());
+            let both = pairs.map(|(before, after)| EffortChange {
+                name: after.0.clone(),
+                error: Some(before.1),
+                changed: after.1,
+            });
+            out.efforts = both.collect();
+        }
+        Some(out)
+    }
+
+    /// The change of the signs of the positions whose efforts have another sign with a change, which tells apart only
+    /// what other joints need; `None` if it changes anything else.
+    fn with_positions_flipped(&self, change: &Change, sample: &Sample) -> Option<Change> {
+        let none = Change::none(change.efforts.len(), change.positions.len());
+        let mut out = Change {
+            before: change.before.clone(),
+            after: change.after.clone(),
+            ..none.clone()
+        };
+        let mut only = none.clone();
+        for (effort, own) in change.efforts.iter().enumerate() {
+            if own.factor < 0.0 {
+                only.efforts.get_mut(effort)?.factor = -1.0;
+                let place = self.place_of(effort, sample)?;
+                out.positions.get_mut(place)?.factor = -1.0;
+            }
+        }
+        let is_of_signs = only != none && only.efforts == change.efforts;
+        (is_of_signs && change.has_efforts_only()).then_some(out)
+    }
+
+    /// The index of the position of an effort's joint among the measured ones.
+    fn place_of(&self, effort: usize, sample: &Sample) -> Option<usize> {
+        let coordinate = self.model.info().actuated.get(effort)?;
+        sample.measured.iter().position(|own| own == coordinate)
+    }
+
+    /// The exchange of the positions that are exchanged if it is not the efforts, which legs that are alike hardly
+    /// tell apart; `None` for any other change.
+    fn with_positions_exchanged(&self, change: &Change, sample: &Sample) -> Option<Change> {
+        let none = Change::none(change.efforts.len(), change.positions.len());
+        let exchanged = change.efforts.iter().enumerate();
+        let exchanged: Vec<(usize, usize)> = exchanged
+            .filter(|(to, own)| own.from != *to)
+            .map(|(to, own)| (to, own.from))
+            .collect();
+        let are_plain = (change.efforts.iter()).all(|own| (own.factor - 1.0).abs() < f64::EPSILON);
+        if exchanged.is_empty() || !change.has_efforts_only() || !are_plain {
+            return None;
+        }
+        let mut out = Change {
+            before: change.before.clone(),
+            after: change.after.clone(),
+            ..none
+        };
+        for (to, from) in exchanged {
+            // a column that has the effort of another joint is the position of that one, too, or has it instead
+            let (column, joint) = (self.place_of(to, sample)?, self.place_of(from, sample)?);
+            out.positions.get_mut(joint)?.from = column;
+        }
+        Some(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::swings_for_tests::{Swings, sample, swings};
+    use super::*;
+    use crate::data::Quantity;
+
+    /// One effort of which this part is left, percent.
+    fn left(percent: f64) -> Vec<(String, f64)> {
+        vec![("q1".to_owned(), percent)]
+    }
+
+    fn columns_of(model: &Swings) -> LogColumns<'_, Swings> {
+        LogColumns {
+            file: "log.csv",
+            given: &[],
+            model,
+        }
+    }
+
+    /// A change of the zero of the first position, and one of that of the third.
+    fn shifted(first: f64, third: f64) -> Change {
+        let one = |place: usize, zero: f64| {
+            let mut out = Change::none(3, 3);
+            out.positions[place].offset = zero;
+            (out.before, out.after) = (vec![0.1; 3], vec![0.02; 3]);
+            out
+        };
+        Change {
+            rival: Some(Box::new(one(2, third))),
+            ..one(0, first)
+        }
+    }
+
+    /// The change that is told if the whole log is fitted so, as an assignment.
+    fn told(change: &Change, whole: &WholeFit<'_>) -> Option<Assignment> {
+        let model = swings(true);
+        let found = columns_of(&model).tried(change, &sample(), &[], whole)?;
+        let Remedy::Read { columns, .. } = found.remedy else {
+            return None;
+        };
+        columns.first().cloned()
+    }
+
+    #[test]
+    fn of_two_zeros_the_one_with_which_the_whole_log_fits_is_told_with_its_best_value() {
+        let change = shifted(0.1, -0.2);
+        let whole = |columns: &[Assignment]| {
+            Some(match columns.first() {
+                None => left(10.0),
+                Some(own) if own.quantity == Quantity::Position("q1".to_owned()) => left(5.0),
+                Some(own) => left(f64::hypot(1.0, 50.0 * (own.offset + 0.18))),
+            })
+        };
+        let found = told(&change, &whole).unwrap();
+        assert_eq!(found.quantity, Quantity::Position("q3".to_owned()));
+        assert!((found.offset + 0.18).abs() < 1e-12, "{found:?}");
+        // without fits, the sample decides
+        let found = told(&change, &|_| None);
+        assert_eq!(found, None, "the errors were known");
+        let open = Change {
+            before: Vec::new(),
+            ..change
+        };
+        assert!((told(&open, &|_| None).unwrap().offset - 0.1).abs() < 1e-12);
+        // a quarter of a turn is what somebody chose
+        let quarter = core::f64::consts::FRAC_PI_2;
+        let away = |columns: &[Assignment]| {
+            let off = columns.first().map_or(1.0, |own| own.offset - 1.5);
+            Some(left(1.0 + off.abs()))
+        };
+        let found = told(&shifted(quarter, 3.0), &away).unwrap();
+        assert!((found.offset - quarter).abs() < 1e-4, "{found:?}");
+    }
+
+    #[test]
+    fn positions_are_exchanged_where_the_whole_log_fits_better_so_than_with_other_efforts() {
+        let model = swings(true);
+        let sample = sample();
+        let mut change = Change::none(3, 3);
+        for (own, from) in change.efforts.iter_mut().zip([1, 2, 0]) {
+            own.from = from;
+        }
+        (change.before, change.after) = (vec![0.9; 3], vec![0.1; 3]);
+        let found = |of_positions: f64| {
+            let whole = move |columns: &[Assignment]| {
+                let of_efforts = |own: &Assignment| matches!(own.quantity, Quantity::Effort(_));
+                Some(left(match columns.first() {
+                    None => 90.0,
+                    Some(own) if of_efforts(own) => 10.0,
+                    Some(_) => of_positions,
+                }))
+            };
+            let found = columns_of(&model)
+                .tried(&change, &sample, &[], &whole)
+                .unwrap();
+            let Remedy::Read { columns, .. } = found.remedy else {
+                panic!("{found:?}")
+            };
+            let columns = columns.iter().take(3);
+            columns
+                .map(|own| format!("{}={}", own.quantity, own.column))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            found(20.0),
+            ["tau_q1=tau_q2", "tau_q2=tau_q3", "tau_q3=tau_q1"]
+        );
+        // the first column has the second joint's label, and so the first joint's position is in the second
+        assert_eq!(found(1.0), ["q1=q3", "q2=q1", "q3=q2"]);
+    }
+
+    #[test]
+    fn positions_are_flipped_where_the_whole_log_fits_better_so_than_with_flipped_efforts() {
+        let mut change = Change::none(3, 3);
+        change.efforts[1].factor = -1.0;
+        (change.before, change.after) = (vec![0.9; 3], vec![0.1; 3]);
+        let with = |of_positions: f64| {
+            move |columns: &[Assignment]| {
+                let of_efforts = |own: &Assignment| matches!(own.quantity, Quantity::Effort(_));
+                Some(left(match columns.first() {
+                    None => 90.0,
+                    Some(own) if of_efforts(own) => 10.0,
+                    Some(_) => of_positions,
+                }))
+            }
+        };
+        let model = swings(true);
+        let found = |of_positions: f64| {
+            let whole = with(of_positions);
+            let found = columns_of(&model)
+                .tried(&change, &sample(), &[], &whole)
+                .unwrap();
+            let Remedy::Read { columns, .. } = found.remedy else {
+                panic!("{found:?}")
+            };
+            (
+                columns[0].quantity.clone(),
+                found.what.contains("does not tell apart"),
+            )
+        };
+        assert_eq!(found(11.0), (Quantity::Effort("q2".to_owned()), false));
+        assert_eq!(found(9.99), (Quantity::Effort("q2".to_owned()), true));
+        assert_eq!(found(5.0), (Quantity::Position("q2".to_owned()), false));
+    }
+
+    #[test]
+    fn what_does_not_lessen_the_errors_of_the_whole_log_is_not_told() {
+        let with_left = |percent: f64| {
+            move |columns: &[Assignment]| {
+                Some(left(if columns.is_empty() { 10.0 } else { percent }))
+            }
+        };
+        let change = shifted(0.1, -0.2);
+        assert!(told(&change, &with_left(9.0)).is_some());
+        assert!(told(&change, &with_left(10.5)).is_none());
+        let mut signs = Change::none(3, 3);
+        signs.efforts[0].factor = -1.0;
+        signs.sign = true;
+        assert!(told(&signs, &with_left(10.1)).is_some());
+        assert!(told(&signs, &with_left(10.5)).is_none());
+    }
+}
