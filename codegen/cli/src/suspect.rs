@@ -5,7 +5,7 @@ mod gravity;
 #[cfg(test)]
 mod tests;
 
-use regen_identify::data::{Assignment, Logs, Run};
+use regen_identify::data::{Assignment, Logs, Run, ValuesFrom};
 use regen_identify::estimate::{EffortError, Estimate};
 use regen_identify::session::{Session, errors_with_columns};
 use regen_identify::suspect::{self, LogColumns, Remedy};
@@ -30,6 +30,9 @@ fn with_options(found: suspect::Suspicion) -> Suspected {
             let mut advice = advice.clone();
             match (advice.is_empty(), columns.is_empty()) {
                 (true, _) => advice.push(options),
+                (false, false) if columns.iter().all(is_unmeasured) => {
+                    advice.push(format!("Leave its equations out with {options}"));
+                }
                 (false, false) => advice.push(format!("Read it with {options}")),
                 (false, true) => {}
             }
@@ -47,6 +50,11 @@ fn with_options(found: suspect::Suspicion) -> Suspected {
             .to_owned(),
     };
     Suspected { found, remedy }
+}
+
+/// Whether no column is read for an effort.
+fn is_unmeasured(to: &Assignment) -> bool {
+    to.from == ValuesFrom::Unmeasured
 }
 
 /// The option that reads a column with this assignment.

@@ -1,7 +1,7 @@
 //! Stretches in which an effort is far from what the model explains of it.
 
-use super::grams::{Fit, Grams};
 use super::Sample;
+use super::grams::{Fit, Grams};
 
 /// The smallest residual of such a state, in robust deviations.
 const MIN_DEVIATIONS: f64 = 12.0;

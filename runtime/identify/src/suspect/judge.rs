@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::facts::CERTAIN_DEVIATIONS;
 use super::words::{LogColumns, rounded};
-use super::{Change, Findings, Measured, Nominal, Sample, WholeFit, look, positions};
+use super::{Change, Findings, Nominal, Sample, WholeFit, look, positions};
 use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
@@ -36,8 +36,6 @@ const MAX_NOMINAL_FACTOR: f64 = 4.0;
 pub(super) const MIN_COMPARED_PART: f64 = 0.2;
 /// A largest error that is reduced to more than this part says nothing of a change.
 const MIN_TOLD_PART: f64 = 0.9;
-/// The largest relative change of an effort that is the same throughout.
-const MAX_ROUNDING: f64 = 1e-9;
 /// A position beyond its limits by less than this part of their distance is not doubted.
 const MAX_BEYOND_PART: f64 = 0.05;
 /// The part of the rows from which on positions beyond their limits are doubted.
@@ -233,11 +231,8 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if !out.is_empty() || sample.states.is_empty() {
         return out;
     }
-    out.extend(unmeasured(columns, sample));
-    if !out.is_empty() {
-        return out;
-    }
-    out.extend(copies(columns, sample));
+    // nothing is to be learnt from a log with an effort of no use
+    out.extend(columns.useless(sample, whole));
     if !out.is_empty() {
         return out;
     }
@@ -418,107 +413,6 @@ fn clock<M: BaseModel<f64> + ?Sized>(
             ..time
         }]),
     ))
-}
-
-/// The efforts that are the same throughout: they are not measured, and no unit, sign or offset makes
-/// them so.
-fn unmeasured<M: BaseModel<f64> + ?Sized>(
-    columns: &LogColumns<'_, M>,
-    sample: &Sample,
-) -> Option<Suspicion> {
-    let is_constant = |k: &usize| {
-        if sample.unmeasured.contains(k) {
-            return false;
-        }
-        let values = sample.states.iter().filter_map(|s| s.efforts.get(*k));
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), u| {
-            (low.min(*u), high.max(*u))
-        });
-        // a filter leaves rounding errors
-        high - low <= f64::MIN_POSITIVE.max(MAX_ROUNDING * low.abs().max(high.abs()))
-    };
-    let constant = (0..columns.model.info().actuated.len()).filter(is_constant);
-    let names: Vec<String> = constant
-        .map(|k| format!("`{}`", columns.effort(k).column))
-        .collect();
-    let what = match &names[..] {
-        [] => return None,
-        [one] => format!("column {one} is the same in all rows: this effort is not measured"),
-        more => format!(
-            "columns {} are the same in all rows: these efforts are not measured",
-            more.join(", ")
-        ),
-    };
-    let advice = "No parameter is worth anything with it: log the efforts, or give other columns";
-    Some(columns.suspicion(
-        what,
-        Remedy::Read {
-            advice: vec![advice.to_owned()],
-            columns: Vec::new(),
-        },
-    ))
-}
-
-/// The efforts, or moving positions, that are the same as others in all rows: one column is a copy.
-fn copies<M: BaseModel<f64> + ?Sized>(
-    columns: &LogColumns<'_, M>,
-    sample: &Sample,
-) -> Option<Suspicion> {
-    let efforts = (0..columns.model.info().actuated.len()).map(|k| columns.effort(k).column);
-    let positions = sample.measured.iter().map(|c| {
-        let of = Quantity::Position(columns.name(*c));
-        columns.source(&of).column
-    });
-    let efforts: Vec<String> = efforts.collect();
-    let mut words = same(&efforts, sample, |state| &state.efforts);
-    // corrected delays of both may differ
-    let is_measured = |pair: &&[usize; 2]| !pair.iter().any(|k| sample.unmeasured.contains(k));
-    let copies = sample.copied_efforts.iter().filter(is_measured);
-    let pairs = copies.filter_map(|[a, b]| Some((efforts.get(*a)?, efforts.get(*b)?)));
-    let others = pairs.filter(|(a, b)| a != b).map(|(a, b)| copied(a, b));
-    words.extend(
-        others
-            .filter(|own| !words.contains(own))
-            .collect::<Vec<_>>(),
-    );
-    words.extend(same(&positions.collect::<Vec<_>>(), sample, |state| {
-        &state.motion[0]
-    }));
-    (!words.is_empty()).then(|| {
-        let advice = "One of them is a copy, and what it should be is not in the log: log it, or give \
-                      another column";
-        columns.suspicion(
-            words.join(", and "),
-            Remedy::Read {
-                advice: vec![advice.to_owned()],
-                columns: Vec::new(),
-            },
-        )
-    })
-}
-
-fn copied(one: &str, other: &str) -> String {
-    format!("columns `{one}` and `{other}` have the same values in all rows")
-}
-
-/// The pairs of quantities that are the same at all states and change.
-fn same(titles: &[String], sample: &Sample, of: fn(&Measured) -> &Vec<f64>) -> Vec<String> {
-    let value = |state: &Measured, k: usize| of(state).get(k).map(|x| x.to_bits());
-    let changes = |k: &usize| {
-        let first = sample.states.first().map(|state| value(state, *k));
-        (sample.states.iter()).any(|state| Some(value(state, *k)) != first)
-    };
-    let mut out = Vec::new();
-    for k in (0..titles.len()).filter(changes) {
-        let twin = (0..k).find(|j| {
-            let mut states = sample.states.iter();
-            titles[*j] != titles[k] && states.all(|state| value(state, *j) == value(state, k))
-        });
-        if let Some(j) = twin {
-            out.push(copied(&titles[j], &titles[k]));
-        }
-    }
-    out
 }
 
 /// Whether the Fourier series is not that of the motion.
@@ -833,7 +727,7 @@ fn negative_inertias<M: BaseModel<f64> + ?Sized>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::swings_for_tests::{Swings, sample, swings, with};
+    use super::super::swings_for_tests::{Swings, swings};
     use super::*;
 
     fn columns(model: &Swings) -> LogColumns<'_, Swings> {
@@ -899,40 +793,6 @@ mod tests {
             found
                 .to_string()
                 .ends_with("the largest error of an effort is 5.0 % and not 7.3 %")
-        );
-    }
-
-    #[test]
-    fn efforts_and_positions_that_are_copies_are_named() {
-        let model = swings(false);
-        let first = |of: &Sample| {
-            let found = suspicions(&columns(&model), of, None, &|_| None, &mut |_, _| {});
-            found
-                .first()
-                .map(|own| own.what.clone())
-                .unwrap_or_default()
-        };
-        assert_eq!(first(&sample()), "");
-        assert_eq!(
-            first(&with(|s| s.efforts[2] = s.efforts[0])),
-            "columns `tau_q1` and `tau_q3` have the same values in all rows"
-        );
-        // delays that are corrected hide a copy
-        let late = Sample {
-            copied_efforts: vec![[0, 2]],
-            ..sample()
-        };
-        assert_eq!(
-            first(&late),
-            "columns `tau_q1` and `tau_q3` have the same values in all rows"
-        );
-        assert_eq!(
-            first(&with(|s| s.motion[0][1] = s.motion[0][0])),
-            "columns `q1` and `q2` have the same values in all rows"
-        );
-        assert_eq!(
-            first(&with(|s| s.efforts[1] = 3.0)),
-            "column `tau_q2` is the same in all rows: this effort is not measured"
         );
     }
 

@@ -23,6 +23,7 @@ mod positions;
 pub(crate) mod swings_for_tests;
 mod trial;
 mod unknowns;
+mod useless;
 mod whole_log;
 mod words;
 

@@ -76,7 +76,7 @@ impl Grams {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::swings_for_tests::{sample, swings, with};
+    use super::super::swings_for_tests::{sample, swings};
     use super::super::{Findings, look};
     use super::*;
     use crate::intervals::Random;

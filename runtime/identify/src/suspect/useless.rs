@@ -1,0 +1,244 @@
+//! Efforts of no use: the same in all rows, or copies of others. Their equations can be left out where the others
+//! determine the parameters.
+
+use super::words::LogColumns;
+use super::{Remedy, Sample, Suspicion, UNEXPLAINED_ERROR, WholeFit};
+use crate::data::{Assignment, Measured, Quantity};
+use regen_runtime::BaseModel;
+
+/// The largest relative change of an effort that is the same throughout.
+const MAX_ROUNDING: f64 = 1e-9;
+impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
+    /// The efforts, or moving positions, of no use.
+    ///
+    /// - `whole`: fits the whole log with other columns.
+    pub(super) fn useless(&self, sample: &Sample, whole: &WholeFit<'_>) -> Option<Suspicion> {
+        constant(self, sample, whole).or_else(|| copies(self, sample, whole))
+    }
+
+    /// The assignments that leave the equations of some efforts out, if the whole log explains the others then.
+    fn without(&self, efforts: &[usize], whole: &WholeFit<'_>) -> Option<Vec<Assignment>> {
+        let name = |k: &usize| Some(self.name(*self.model.info().actuated.get(*k)?));
+        let names: Option<Vec<String>> = efforts.iter().map(name).collect();
+        let names = names?;
+        let one = |name: &String| format!("tau_{name}=unmeasured").parse().ok();
+        let columns: Option<Vec<Assignment>> = names.iter().map(one).collect();
+        let errors = whole(columns.as_deref()?)?;
+        let mut others = errors
+            .iter()
+            .filter(|own| !names.contains(&own.0))
+            .peekable();
+        others.peek()?;
+        let is_explained = |own: &(String, f64)| own.1 < 100.0 * UNEXPLAINED_ERROR;
+        others.all(is_explained).then_some(columns?)
+    }
+}
+
+/// The efforts that are the same throughout: they are not measured, and no unit, sign or offset makes
+/// them so.
+fn constant<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+    whole: &WholeFit<'_>,
+) -> Option<Suspicion> {
+    let is_constant = |k: &usize| {
+        if sample.unmeasured.contains(k) {
+            return false;
+        }
+        let values = sample.states.iter().filter_map(|s| s.efforts.get(*k));
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), u| {
+            (low.min(*u), high.max(*u))
+        });
+        // a filter leaves rounding errors
+        high - low <= f64::MIN_POSITIVE.max(MAX_ROUNDING * low.abs().max(high.abs()))
+    };
+    let constant = (0..columns.model.info().actuated.len()).filter(is_constant);
+    let constant: Vec<usize> = constant.collect();
+    let names: Vec<String> = (constant.iter().copied())
+        .map(|k| format!("`{}`", columns.effort(k).column))
+        .collect();
+    let what = match &names[..] {
+        [] => return None,
+        [one] => format!("column {one} is the same in all rows: this effort is not measured"),
+        more => format!(
+            "columns {} are the same in all rows: these efforts are not measured",
+            more.join(", ")
+        ),
+    };
+    let advice = "No parameter is worth anything with it: log the efforts, or give other columns";
+    Some(columns.suspicion(
+        what,
+        Remedy::Read {
+            advice: vec![advice.to_owned()],
+            columns: columns.without(&constant, whole).unwrap_or_default(),
+        },
+    ))
+}
+
+/// The efforts, or moving positions, that are the same as others in all rows: one column is a copy.
+fn copies<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+    whole: &WholeFit<'_>,
+) -> Option<Suspicion> {
+    let efforts = (0..columns.model.info().actuated.len()).map(|k| columns.effort(k).column);
+    let positions = sample.measured.iter().map(|c| {
+        let of = Quantity::Position(columns.name(*c));
+        columns.source(&of).column
+    });
+    let (efforts, positions): (Vec<String>, Vec<String>) = (efforts.collect(), positions.collect());
+    let mut pairs = same(&efforts, sample, |state| &state.efforts);
+    // corrected delays of both may differ
+    let is_measured = |pair: &&[usize; 2]| !pair.iter().any(|k| sample.unmeasured.contains(k));
+    for [a, b] in sample.copied_efforts.iter().filter(is_measured) {
+        let are_apart = efforts.get(*a) != efforts.get(*b);
+        if are_apart && !pairs.contains(&[*a, *b]) {
+            pairs.push([*a, *b]);
+        }
+    }
+    let of_positions = same(&positions, sample, |state| &state.motion[0]);
+    let words = |titles: &[String], pairs: &[[usize; 2]]| -> Vec<String> {
+        let words = pairs.iter().filter_map(|[a, b]| {
+            let (one, other) = (titles.get(*a)?, titles.get(*b)?);
+            Some(format!(
+                "columns `{one}` and `{other}` have the same values in all rows"
+            ))
+        });
+        words.collect()
+    };
+    let said = [words(&efforts, &pairs), words(&positions, &of_positions)].concat();
+    // that of two which is the copy leaves the others unexplained
+    let left_out = match (&pairs[..], &of_positions[..]) {
+        ([pair], []) => {
+            let mut ways = pair
+                .iter()
+                .filter_map(|own| columns.without(&[*own], whole));
+            ways.next().filter(|_| ways.next().is_none())
+        }
+        _ => None,
+    };
+    let advice = "One of them is a copy, and what it should be is not in the log: log it, or give another column";
+    (!said.is_empty()).then(|| {
+        columns.suspicion(
+            said.join(", and "),
+            Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: left_out.unwrap_or_default(),
+            },
+        )
+    })
+}
+
+/// The pairs of quantities that are the same at all states and change.
+fn same(titles: &[String], sample: &Sample, of: fn(&Measured) -> &Vec<f64>) -> Vec<[usize; 2]> {
+    let value = |state: &Measured, k: usize| of(state).get(k).map(|x| x.to_bits());
+    let changes = |k: &usize| {
+        let first = sample.states.first().map(|state| value(state, *k));
+        (sample.states.iter()).any(|state| Some(value(state, *k)) != first)
+    };
+    let twin = |k: usize| {
+        let twin = (0..k).find(|j| {
+            let mut states = sample.states.iter();
+            titles[*j] != titles[k] && states.all(|state| value(state, *j) == value(state, k))
+        });
+        twin.map(|j| [j, k])
+    };
+    (0..titles.len()).filter(changes).filter_map(twin).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::suspicions;
+    use super::super::swings_for_tests::{Swings, sample, swings, with};
+    use super::*;
+
+    fn columns(model: &Swings) -> LogColumns<'_, Swings> {
+        LogColumns {
+            file: "log.csv",
+            given: &[],
+            model,
+        }
+    }
+
+    /// What is told of a sample, and the columns of the remedy, if fits of the whole log leave so much of the efforts:
+    /// with all of them, and without the one of this name.
+    fn told(of: &Sample, without: &str, left: [f64; 2]) -> (String, Vec<String>) {
+        let model = swings(false);
+        let whole = |columns: &[Assignment]| {
+            let is_without = columns
+                .iter()
+                .any(|own| own.quantity.to_string() == without);
+            let error = left[usize::from(is_without)];
+            Some(
+                ["q1", "q2", "q3"]
+                    .map(|name| (name.to_owned(), error))
+                    .to_vec(),
+            )
+        };
+        let found = columns(&model).useless(of, &whole);
+        let Some(found) = found else {
+            return <_>::default();
+        };
+        let Remedy::Read { columns, .. } = &found.remedy else {
+            panic!("{found:?}")
+        };
+        let columns = columns
+            .iter()
+            .map(|own| format!("{}={}", own.quantity, own.column));
+        (found.what.clone(), columns.collect())
+    }
+
+    #[test]
+    fn the_equations_of_a_useless_effort_are_left_out_where_the_others_are_explained_then() {
+        let constant = with(|s| s.efforts[1] = 3.0);
+        let (what, columns) = told(&constant, "tau_q2", [90.0, 5.0]);
+        assert!(what.contains("`tau_q2` is the same in all rows"), "{what}");
+        assert_eq!(columns, ["tau_q2=unmeasured"]);
+        assert_eq!(told(&constant, "tau_q2", [90.0, 60.0]).1, [""; 0]);
+        // one of two is the copy, or nothing tells which
+        let copied = with(|s| s.efforts[2] = s.efforts[0]);
+        assert_eq!(
+            told(&copied, "tau_q3", [90.0, 5.0]).1,
+            ["tau_q3=unmeasured"]
+        );
+        assert_eq!(
+            told(&copied, "tau_q1", [90.0, 5.0]).1,
+            ["tau_q1=unmeasured"]
+        );
+        assert_eq!(told(&copied, "", [5.0, 5.0]).1, [""; 0]);
+    }
+
+    #[test]
+    fn efforts_and_positions_that_are_copies_are_named() {
+        let model = swings(false);
+        let first = |of: &Sample| {
+            let found = suspicions(&columns(&model), of, None, &|_| None, &mut |_, _| {});
+            found
+                .first()
+                .map(|own| own.what.clone())
+                .unwrap_or_default()
+        };
+        assert_eq!(first(&sample()), "");
+        assert_eq!(
+            first(&with(|s| s.efforts[2] = s.efforts[0])),
+            "columns `tau_q1` and `tau_q3` have the same values in all rows"
+        );
+        // delays that are corrected hide a copy
+        let late = Sample {
+            copied_efforts: vec![[0, 2]],
+            ..sample()
+        };
+        assert_eq!(
+            first(&late),
+            "columns `tau_q1` and `tau_q3` have the same values in all rows"
+        );
+        assert_eq!(
+            first(&with(|s| s.motion[0][1] = s.motion[0][0])),
+            "columns `q1` and `q2` have the same values in all rows"
+        );
+        assert_eq!(
+            first(&with(|s| s.efforts[1] = 3.0)),
+            "column `tau_q2` is the same in all rows: this effort is not measured"
+        );
+    }
+}
