@@ -266,10 +266,12 @@ pub fn file_unit(text: &str) -> Option<&'static str> {
         .or_else(|| spelled().map(|own| own.1))
 }
 
-/// Whether numbers in a unit of [`UNITS`] are those of a motion or an effort in SI.
+/// Whether numbers in a unit are those of a time, a motion or an effort in SI.
 pub(crate) fn is_si(unit: &str) -> bool {
-    let factor = UNITS.iter().find(|(own, _)| *own == unit);
-    unit != "A" && factor.is_some_and(|(_, factor)| *factor == 1.0)
+    matches!(
+        unit,
+        "s" | "rad" | "m" | "rad/s" | "m/s" | "rad/s^2" | "m/s^2" | "N" | "Nm"
+    )
 }
 
 impl FromStr for Assignment {

@@ -171,7 +171,7 @@ impl RawLog {
     /// reasons.
     pub fn left_out(&self) -> Vec<(String, String)> {
         let mut all: Vec<(String, String)> = Vec::new();
-        for own in self.file.tables.iter().flat_map(|table| table.absent()) {
+        for own in self.file.tables.iter().flat_map(Table::absent) {
             if !all.contains(own) {
                 all.push(own.clone());
             }
