@@ -521,18 +521,22 @@ fn identified_values_are_read_again_from_the_file_and_nothing_else_changes() {
         "metersPerUnit = 1\n",
         "metersPerUnit = 0.01\n    kilogramsPerUnit = 0.001\n",
     );
-    // a body without values, and one without braces
+    // bodies without values, of which one property stands there by its name
     let lacking = five_bar.replace(
         "  prepend apiSchemas = [\"PhysicsRigidBodyAPI\", \"PhysicsMassAPI\"]\n",
         "  prepend apiSchemas = [\"PhysicsRigidBodyAPI\"]\n",
     );
     let lines = lacking.lines().filter(|line| {
-        let names = ["mass", "centerOfMass", "diagonalInertia", "principalAxes"];
+        let names = ["centerOfMass", "diagonalInertia", "principalAxes"];
         !names
             .iter()
             .any(|name| line.contains(&format!("physics:{name} ")))
     });
-    let lacking = lines.collect::<Vec<_>>().join("\n") + "\n";
+    let name_alone = |line| match line {
+        line if str::contains(line, "physics:mass ") => "  float physics:mass",
+        line => line,
+    };
+    let lacking = lines.map(name_alone).collect::<Vec<_>>().join("\n") + "\n";
     let values = BodyParameters {
         mass: 1.7,
         com: [0.1, -0.02, 0.03],

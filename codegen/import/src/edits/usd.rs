@@ -112,11 +112,12 @@ impl Edits {
     fn properties(&mut self, prim: &Element, all: &[(&str, String, String)], schema: &str) {
         let mut missing = Vec::new();
         for (kind, name, value) in all {
-            match prim.attribute(name).filter(|own| !own.value.is_empty()) {
-                Some(own) => {
-                    let span = own.place.span;
-                    self.changes.push((span.start, span.end, value.clone()));
+            match prim.attribute(name).map(|own| (own, own.place.span)) {
+                // a property without a value, which stands at its name
+                Some((own, span)) if own.value.is_empty() => {
+                    self.changes.push((span.end, span.end, format!(" = {value}")));
                 }
+                Some((_, span)) => self.changes.push((span.start, span.end, value.clone())),
                 None => missing.push(format!("{kind} {name} = {value}")),
             }
         }

@@ -173,7 +173,7 @@ impl<'a> Reading<'a, '_, '_> {
 
     /// A number of a joint; none where it is infinite, or as large as writers mean by that.
     fn number(&mut self, attribute: Option<&Attribute>) -> Option<f64> {
-        let attribute = attribute?;
+        let attribute = attribute.filter(|a| !a.value.is_empty())?;
         let value = attribute.value.parse::<f64>();
         if value.as_ref().is_ok_and(|x| x.abs() >= UNLIMITED) {
             return None;

@@ -430,7 +430,9 @@ impl<'a> Reading<'a, '_, '_> {
 
     /// The inertia of a body, and whether the file does not state it.
     fn inertia(&mut self, body: &Element, name: &str, scale: V3) -> (Option<Inertia>, bool) {
-        let stated = |name: &str| body.attribute(name).filter(|a| !a.value.contains("inf"));
+        // a property may stand there without a value
+        let is_value = |a: &&Attribute| !a.value.contains("inf") && !a.value.is_empty();
+        let stated = |name: &str| body.attribute(name).filter(is_value);
         let mass = stated("physics:mass").and_then(|a| self.fields.number(a));
         let moments = stated("physics:diagonalInertia").and_then(|a| self.fields.array::<3>(a));
         let com = stated("physics:centerOfMass").and_then(|a| self.vector(a));
