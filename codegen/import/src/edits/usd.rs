@@ -115,7 +115,8 @@ impl Edits {
             match prim.attribute(name).map(|own| (own, own.place.span)) {
                 // a property without a value, which stands at its name
                 Some((own, span)) if own.value.is_empty() => {
-                    self.changes.push((span.end, span.end, format!(" = {value}")));
+                    self.changes
+                        .push((span.end, span.end, format!(" = {value}")));
                 }
                 Some((_, span)) => self.changes.push((span.start, span.end, value.clone())),
                 None => missing.push(format!("{kind} {name} = {value}")),
