@@ -1,4 +1,5 @@
-//! `regen export`: writes identified parameters into a URDF, SDF or MJCF file, or beside it for Isaac Sim and Isaac Lab.
+//! `regen export`: writes identified parameters into a URDF, SDF, MJCF or USD file, or beside it for Isaac Sim and Isaac
+//! Lab.
 
 use std::path::Path;
 
@@ -89,7 +90,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
                 urdf: of(FileFormat::Urdf),
                 mjcf: of(FileFormat::Mjcf),
                 sdf: of(FileFormat::Sdf),
-                usd: shown(args.to == ExportTarget::Usd),
+                usd: of(FileFormat::Usd).or_else(|| shown(args.to == ExportTarget::Usd)),
                 isaac_lab: shown(args.to == ExportTarget::IsaacLab),
                 written: written.clone(),
             })

@@ -62,10 +62,9 @@ fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
     })?;
     if bytes.starts_with(b"PXR-USDC") {
         let path = path.display();
-        let hint =
-            "`usdcat --flatten ROBOT.usd -o WHOLE.usda`, of Pixar's usd-core, writes its text";
         return Err(Failure::Input(format!(
-            "{path} is USD in its binary form: {hint}"
+            "{path} is USD in its binary form: {}",
+            regen_import::USD_FLATTEN
         )));
     }
     String::from_utf8(bytes).map_err(|error| {

@@ -33,6 +33,7 @@ mod pages;
 mod pages_logs;
 mod pages_mechanics;
 mod payloads;
+mod planted;
 mod predict;
 mod recordings;
 mod rehearse;

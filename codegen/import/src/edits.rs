@@ -1,4 +1,4 @@
-//! Replacement of numbers in an XML text, and insertion of missing elements and attributes.
+//! Replacement of numbers in the text of a robot file, and insertion of what is missing for them.
 
 use crate::fields::Fields;
 use crate::log::Log;
@@ -9,6 +9,7 @@ use crate::xml::Element;
 
 mod mjcf;
 mod sdf;
+mod usd;
 
 /// Changes of a text, by position.
 #[derive(Debug)]

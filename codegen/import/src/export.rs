@@ -1,4 +1,4 @@
-//! Writing of identified parameters into a URDF, SDF or MJCF file that otherwise stays unchanged.
+//! Writing of identified parameters into a URDF, SDF, MJCF or USD file that otherwise stays unchanged.
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 use regen_codegen::model::{self, Model, Step};
@@ -11,7 +11,7 @@ use crate::log::{Log, Note, Place};
 use crate::pose::{Pose, V3, about, difference, norm, tensor_in, transposed};
 use crate::tree::{Inertia, Tree};
 use crate::xml::{Element, Reader};
-use crate::{frames, mjcf, sdf, urdf, xml};
+use crate::{frames, mjcf, sdf, urdf, usd, xml};
 use regen_codegen::spec::{Flaw, flaw};
 
 mod joints;
@@ -41,17 +41,20 @@ pub struct BodyParameters {
 }
 
 /// The parameters of a joint that robot files can express: in URDF and SDF in the element `<dynamics>`, in
-/// MJCF as attributes of the joint. `None` leaves the value in the file unchanged.
+/// MJCF as attributes of the joint, in USD as properties of its PhysxJointAxisAPI. `None` leaves the value in
+/// the file unchanged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointParameters {
-    /// Viscous friction Fv, N m s/rad or N s/m, at least 0; written as `damping`.
+    /// Viscous friction Fv, N m s/rad or N s/m, at least 0; written as `damping`, in USD as
+    /// `viscousFrictionCoefficient`.
     pub viscous: Option<f64>,
-    /// Coulomb friction Fc, N m or N, at least 0; written as `friction`, in MJCF as `frictionloss`.
+    /// Coulomb friction Fc, N m or N, at least 0; written as `friction`, in MJCF as `frictionloss`, in USD as
+    /// `dynamicFrictionEffort`.
     pub coulomb: Option<f64>,
-    /// Inertia J of rotor and drive, kg m^2 or kg, at least 0; written as `armature` in MJCF only.
+    /// Inertia J of rotor and drive, kg m^2 or kg, at least 0; written as `armature` in MJCF and USD only.
     pub armature: Option<f64>,
     /// Stiffness K of the joint's spring, N m/rad or N/m, at least 0; written as `stiffness` in
-    /// MJCF, as `spring_stiffness` in SDF, and not in URDF.
+    /// MJCF, as `spring_stiffness` in SDF, and not in URDF and USD.
     pub stiffness: Option<f64>,
     /// Symbols of parameters that are identified and that no robot file has a place for, such as Fo.
     pub others: Vec<String>,
@@ -66,6 +69,8 @@ pub enum FileFormat {
     Mjcf,
     /// Gazebo's SDF, with `<sdf>` as its root.
     Sdf,
+    /// USD as text, which begins with `#usda`.
+    Usd,
 }
 
 impl FileFormat {
@@ -76,13 +81,14 @@ impl FileFormat {
             Self::Urdf => "URDF",
             Self::Mjcf => "MJCF",
             Self::Sdf => "SDF",
+            Self::Usd => "USD",
         }
     }
 
     /// The name of Coulomb friction.
     fn friction(self) -> &'static str {
         match self {
-            Self::Urdf | Self::Sdf => "friction",
+            Self::Urdf | Self::Sdf | Self::Usd => "friction",
             Self::Mjcf => "frictionloss",
         }
     }
@@ -90,7 +96,7 @@ impl FileFormat {
     /// The name of the stiffness of a joint's spring.
     fn stiffness(self) -> &'static str {
         match self {
-            Self::Urdf | Self::Mjcf => "stiffness",
+            Self::Urdf | Self::Mjcf | Self::Usd => "stiffness",
             Self::Sdf => "spring_stiffness",
         }
     }
@@ -118,8 +124,8 @@ pub struct Exported {
 /// two files gives with four decimals causes a larger difference.
 const SAME_MOTION: f64 = 1e-6;
 
-/// Writes parameters into a URDF, SDF or MJCF file: the numbers of the links' inertias, and of the joints'
-/// friction; in SDF and MJCF of joints' springs, in MJCF of rotors too. All other bytes stay unchanged. `reader`
+/// Writes parameters into a URDF, SDF, MJCF or USD file: the numbers of the links' inertias, and of the joints'
+/// friction; in SDF and MJCF of joints' springs, in MJCF and USD of rotors too. All other bytes stay unchanged. `reader`
 /// returns the texts of files that an MJCF file includes; these are read, not changed.
 ///
 /// `spec` is the spec that the parameters belong to. Its bodies are matched with the links by name,
@@ -307,6 +313,13 @@ impl<'a> Export<'a> {
             self.links
                 .extend(link.map(|own| (own.name.clone(), placed)));
             let place = link.map(|l| l.place);
+            let index = file
+                .tree
+                .links
+                .iter()
+                .position(|own| Some(own.place) == place);
+            let units = &file.tree.units;
+            let scale = index.and_then(|k| units.scales.get(k)).copied();
             match place.and_then(|place| file.element(place)) {
                 Some(element) if element.place.file != file.root.place.file => {
                     let message = format!("body '{label}' is in an included file");
@@ -322,6 +335,9 @@ impl<'a> Export<'a> {
                     FileFormat::Urdf => edits.inertia(element, &inertia),
                     FileFormat::Mjcf => edits.mjcf_inertia(element, &inertia),
                     FileFormat::Sdf => edits.sdf_inertia(element, &inertia),
+                    FileFormat::Usd => {
+                        edits.usd_inertia(element, &inertia, units, scale.unwrap_or([1.0; 3]));
+                    }
                 },
                 None => {}
             }
@@ -364,8 +380,9 @@ impl<'a> Export<'a> {
             "robot" => FileFormat::Urdf,
             "mujoco" => FileFormat::Mjcf,
             "sdf" => FileFormat::Sdf,
+            "usda" => FileFormat::Usd,
             other => {
-                let message = format!("<{other}> is neither URDF nor MJCF nor SDF");
+                let message = format!("<{other}> is none of URDF, MJCF, SDF and USD");
                 self.log.error(root.place, message, crate::FIRST_ELEMENTS);
                 return None;
             }
@@ -381,6 +398,7 @@ impl<'a> Export<'a> {
             FileFormat::Urdf => urdf::read(&root, &mut fields, reader)?,
             FileFormat::Mjcf => mjcf::read(&root, &mut fields, reader)?,
             FileFormat::Sdf => sdf::read(&root, &mut fields)?,
+            FileFormat::Usd => usd::read(&root, &mut fields)?,
         };
         let draft = layout::lay_out(&tree, &mut Log::default());
         self.log.forget_notes();

@@ -129,7 +129,7 @@ fn identifier(name: &str) -> String {
 
 /// The principal moments of a tensor `xx xy xz yy yz zz` and its principal axes as the columns of a rotation, by
 /// Jacobi's method (Golub and Van Loan, Matrix Computations, section 8.5).
-fn principal(tensor: [f64; 6]) -> ([f64; 3], M3) {
+pub(crate) fn principal(tensor: [f64; 6]) -> ([f64; 3], M3) {
     let [xx, xy, xz, yy, yz, zz] = tensor;
     let mut own = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     let mut axes = UNIT;

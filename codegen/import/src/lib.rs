@@ -63,6 +63,7 @@ pub use dh_table::{Rows, from_dh_table};
 pub use export::{BodyParameters, Exported, FileFormat, JointParameters, Parameters, export};
 pub use isaac::{isaac_lab, usd_layer};
 pub use log::{LOOP_IN_TREE, Note};
+pub use usd::FLATTEN as USD_FLATTEN;
 pub use xml::Reader;
 
 use regen_codegen::diag::{Report, Source, Span};
@@ -250,7 +251,7 @@ fn tree(
         "sdf" => (sdf::read(&root, &mut fields)?, sdf::ROWS),
         "usda" => (usd::read(&root, &mut fields)?, usd::ROWS),
         other => {
-            let message = format!("<{other}> is neither URDF nor MJCF nor SDF");
+            let message = format!("<{other}> is none of URDF, MJCF, SDF and USD");
             log.error(root.place, message, FIRST_ELEMENTS);
             return None;
         }

@@ -23,6 +23,18 @@ pub(crate) struct Tree {
     pub(crate) springs: Vec<Spring>,
     /// Frames with names of their own on links or on the world.
     pub(crate) frames: Vec<(String, Side)>,
+    /// The units of the file, if it has others than SI.
+    pub(crate) units: FileUnits,
+}
+
+/// The units of a USD file.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FileUnits {
+    /// m of the file's length, and kg of its mass.
+    pub(crate) meter: f64,
+    pub(crate) kilogram: f64,
+    /// For each link the scale of its prim.
+    pub(crate) scales: Vec<V3>,
 }
 
 /// A spring between points of two links.

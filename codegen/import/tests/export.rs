@@ -394,7 +394,7 @@ fn labels_and_joints_that_the_file_lacks_are_refused() {
     );
     assert_has(
         &tried("<rob/>", &spec, &other).unwrap_err(),
-        "<rob> is neither URDF nor MJCF",
+        "<rob> is none of URDF, MJCF, SDF and USD",
     );
 }
 

@@ -429,7 +429,7 @@ fn wrong_files_are_refused_with_the_place_and_a_remedy() {
         (String::new(), "robot.xml:1:1: the file is not XML"),
         (
             "<urdf/>".to_owned(),
-            "robot.xml:1:1: <urdf> is neither URDF nor MJCF nor SDF",
+            "robot.xml:1:1: <urdf> is none of URDF, MJCF, SDF and USD",
         ),
         ("<robot name=\"r\"/>".to_owned(), "no link is the root"),
         (two.clone(), "a second link that no joint carries"),

@@ -3,7 +3,9 @@
 
 use crate::closures::{LINKS, base, cuts, five_bar};
 use crate::common::{assert_has, imported, imported_with, notes, parsed, refused};
-use regen_import::{Base, BodyParameters, Options, usd_layer};
+use regen_codegen::diag::Source;
+use regen_codegen::spec::Spec;
+use regen_import::{Base, BodyParameters, JointParameters, Options, Parameters, export, usd_layer};
 
 /// A stage in m and kg with z upwards, and prims in a robot.
 fn stage(prims: &str) -> String {
@@ -453,6 +455,155 @@ fn a_layer_of_identified_values_has_them_where_it_is_read_again() {
             (found.value.to_f64() - given).abs() < 1e-12,
             "{} {given}",
             found.value.to_f64()
+        );
+    }
+}
+
+#[test]
+fn limits_of_a_general_joint_are_those_of_its_free_direction() {
+    let locked = ["transX", "transY", "transZ", "rotX", "rotZ"].map(|own| {
+        format!("  float limit:{own}:physics:low = 1\n  float limit:{own}:physics:high = -1\n")
+    });
+    let own = "  float limit:rotY:physics:low = -90\n  float limit:rotY:physics:high = 45\n  \
+               float physxJointAxis:rotY:armature = 2\n";
+    let general = joint("", "q", ["", "a"], [0.0; 2], 0.0, &(locked.concat() + own));
+    let text = stage(&(body("a", 0.1, 1.0, "") + &general));
+    let found = imported(&text);
+    assert_has(&found.spec, "limits: {position: [-pi/2, pi/4]}");
+    assert_has(&found.spec, "nominal: {J: 2}");
+    assert!(!notes(&found).contains("not used in"), "{}", notes(&found));
+    let one_sided = imported(&text.replace("  float limit:rotY:physics:high = 45\n", ""));
+    assert_has(
+        &notes(&one_sided),
+        "limits without a range are left out: 'q'",
+    );
+    assert!(!one_sided.spec.contains("limits:"), "{}", one_sided.spec);
+}
+
+#[test]
+fn what_would_be_read_as_something_else_is_refused() {
+    let whole = stage(&(parts() + &tip()));
+    let with = |operations: &str| {
+        let own = body("a", 0.1, 1.0, operations);
+        stage(&(own + &joint("Revolute", "q", ["", "a"], [0.0; 2], 0.0, "")))
+    };
+    for (text, complaint) in [
+        (
+            whole.replacen("metersPerUnit = 1", "metersPerUnit = 0", 1),
+            "metersPerUnit must be above 0",
+        ),
+        (
+            whole.replacen("axis = \"Y\"", "axis = \"W\"", 1),
+            "the axis of 'q1' is W",
+        ),
+        (
+            with("  uniform token[] xformOpOrder = [\"xformOp:translate\"]\n"),
+            "xformOpOrder names xformOp:translate, which the prim does not have",
+        ),
+        (
+            with(
+                "  float xformOp:rotateXYZ = 90\n  uniform token[] xformOpOrder = [\"xformOp:rotateXYZ\"]\n",
+            ),
+            "xformOp:rotateXYZ is not known here",
+        ),
+    ] {
+        assert_has(&refused(&text), complaint);
+    }
+    // many marks within a text take no time each for what stands before them
+    let marks = "\\\"".repeat(200_000);
+    imported(&whole.replacen("(\n", &format!("(\n    doc = \"{marks}\"\n"), 1));
+}
+
+#[test]
+fn identified_values_are_read_again_from_the_file_and_nothing_else_changes() {
+    let five_bar = stage(&(parts() + &tip()));
+    let small = five_bar.replace(
+        "metersPerUnit = 1\n",
+        "metersPerUnit = 0.01\n    kilogramsPerUnit = 0.001\n",
+    );
+    // bodies without values, of which one property stands there by its name
+    let lacking = five_bar.replace(
+        "  prepend apiSchemas = [\"PhysicsRigidBodyAPI\", \"PhysicsMassAPI\"]\n",
+        "  prepend apiSchemas = [\"PhysicsRigidBodyAPI\"]\n",
+    );
+    let lines = lacking.lines().filter(|line| {
+        let names = ["centerOfMass", "diagonalInertia", "principalAxes"];
+        !names
+            .iter()
+            .any(|name| line.contains(&format!("physics:{name} ")))
+    });
+    let name_alone = |line| match line {
+        line if str::contains(line, "physics:mass ") => "  float physics:mass",
+        line => line,
+    };
+    let lacking = lines.map(name_alone).collect::<Vec<_>>().join("\n") + "\n";
+    let values = BodyParameters {
+        mass: 1.7,
+        com: [0.1, -0.02, 0.03],
+        inertia: [0.011, 0.002, -0.001, 0.02, 0.003, 0.017],
+    };
+    let friction = JointParameters {
+        viscous: Some(0.25),
+        coulomb: Some(0.5),
+        armature: Some(0.125),
+        stiffness: Some(2.0),
+        ..JointParameters::default()
+    };
+    let parameters = Parameters {
+        bodies: vec![("b".to_owned(), values)],
+        joints: vec![("p1".to_owned(), friction)],
+    };
+    let exact = Options {
+        exact: true,
+        ..Options::default()
+    };
+    for text in [five_bar, small, lacking] {
+        let spec = Source::new("spec.yaml", imported(&text).spec);
+        let file = Source::new("robot.usda", text.as_str());
+        let given = Source::new("fit.json", "\"b\" \"p1\"");
+        let mut none = |_: &str| Err("there is none".to_owned());
+        let written = export(&file, &mut none, &spec, &given, &parameters);
+        let written = written.unwrap_or_else(|reports| panic!("{}", reports[0]));
+        assert_eq!((written.values, written.format.name()), (13, "USD"));
+        let told: Vec<String> = written.notes.iter().map(ToString::to_string).collect();
+        assert_has(&told.join("\n"), "K(p1) is left out: USD has no springs");
+        let again = imported_with(&written.text, &exact);
+        let [before, after] = [&imported_with(&text, &exact).spec, &again.spec].map(|s| parsed(s));
+        let named = |spec: &Spec, label: &str| {
+            let mut all = spec.bodies.iter();
+            let body = all
+                .find(|own| own.0.value == label)
+                .map(|own| own.1.clone());
+            let numbers = body
+                .into_iter()
+                .flat_map(|own| [vec![own.mass], own.com.to_vec(), own.inertia.to_vec()].concat());
+            numbers.map(|own| own.value.to_f64()).collect::<Vec<f64>>()
+        };
+        let given = [&[values.mass][..], &values.com, &values.inertia].concat();
+        let found = named(&after, "b");
+        assert_eq!(found.len(), given.len());
+        for (found, given) in found.iter().zip(&given) {
+            assert!((found - given).abs() < 1e-12, "{found} {given}");
+        }
+        assert_eq!(named(&before, "a"), named(&after, "a"));
+        let joints = after.limbs.iter().flat_map(|limb| &limb.joints);
+        let mut joints = joints.filter(|own| own.name.as_ref().is_some_and(|n| n.value == "p1"));
+        let nominal = joints.next().unwrap().nominal.clone();
+        let of = |symbol: &str| {
+            let own = nominal.iter().find(|own| own.0.value == symbol);
+            own.unwrap().1.value.to_f64()
+        };
+        for (symbol, given) in [("Fv", 0.25), ("Fc", 0.5), ("J", 0.125)] {
+            assert!((of(symbol) - given).abs() < 1e-12, "{symbol}");
+        }
+        // what was there, but for the numbers of the body, stands in the same order
+        let is_old = |line: &&str| !line.contains("physics") && !line.contains("apiSchemas");
+        let old: Vec<&str> = text.lines().filter(is_old).collect();
+        let mut new = written.text.lines();
+        assert!(
+            old.iter().all(|line| new.any(|own| own == *line)),
+            "{}",
+            written.text
         );
     }
 }

@@ -22,6 +22,8 @@ pub(crate) struct Array {
     pub(crate) group: Option<usize>,
     /// Whether the format says that it is the time of its part.
     pub(crate) is_time: bool,
+    /// The unit that the file states; empty without one.
+    pub(crate) unit: String,
 }
 
 impl Array {
@@ -33,6 +35,7 @@ impl Array {
             place: 0,
             group: None,
             is_time: false,
+            unit: String::new(),
         }
     }
 

@@ -191,6 +191,9 @@ impl Content<'_> {
                 places.extend(std::iter::repeat_n(j as u64, count));
             }
         }
+        if places.len() > rows.len() {
+            return broken("a sparse matrix of it has fewer rows than numbers");
+        }
         let entries = rows.iter().zip(places).zip(values);
         filled(shape, entries.map(|((i, j), value)| (index(*i), j, value)))
     }
@@ -267,6 +270,17 @@ impl Reader {
         require_few(self.unread.len())
     }
 
+    /// Keeps an array whose numbers are at a place.
+    fn keep(&mut self, array: Array, place: Place) -> Read<()> {
+        self.arrays.push(Array {
+            columns_first: true,
+            place: self.places.len(),
+            ..array
+        });
+        self.places.push(place);
+        require_few(self.places.len())
+    }
+
     /// Reads the next array, with its tag.
     ///
     /// - `name`: its path; that in the file if there is none.
@@ -340,19 +354,16 @@ impl Reader {
                         tag.length
                     ));
                 }
-                self.arrays.push(Array {
-                    columns_first: true,
-                    place: self.places.len(),
-                    ..Array::new(name, shape)
-                });
-                self.places.push(Place {
+                let length = tag.length;
+                let sparse = None;
+                let place = Place {
                     variable,
                     start,
-                    length: tag.length,
+                    length,
                     stored,
-                    sparse: None,
-                });
-                require_few(self.places.len())?;
+                    sparse,
+                };
+                self.keep(Array::new(name, shape), place)?;
             }
             1 => {
                 for k in 0..count.unwrap_or(u64::MAX) {
@@ -411,19 +422,16 @@ impl Reader {
                     self.leave(name, &why)?;
                     return skip_to(content, end);
                 }
-                self.arrays.push(Array {
-                    columns_first: true,
-                    place: self.places.len(),
-                    ..Array::new(name, shape)
-                });
-                self.places.push(Place {
+                let (start, length) = (content.place, 0);
+                let sparse = Some(sparse);
+                let place = Place {
                     variable,
-                    start: content.place,
-                    length: 0,
+                    start,
+                    length,
                     stored,
-                    sparse: Some(sparse),
-                });
-                require_few(self.places.len())?;
+                    sparse,
+                };
+                self.keep(Array::new(name, shape), place)?;
             }
             _ => self.leave(name, "it is a function or an object of MATLAB, not numbers")?,
         }

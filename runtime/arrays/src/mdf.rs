@@ -98,11 +98,10 @@ enum Conversion {
 
 impl Conversion {
     /// A sentence for those that are not read.
-    fn read(input: &mut Input, at: Option<u64>) -> Read<Result<Self, &'static str>> {
-        let Some(at) = at else {
+    fn read(block: Option<&Block>) -> Read<Result<Self, &'static str>> {
+        let Some(own) = block else {
             return Ok(Ok(Self::None));
         };
-        let own = block(input, at, *b"##CC")?;
         let mut fields = Fields::new(&own.data, false);
         let kind = fields.u8()?;
         fields.skip(5)?;
@@ -515,7 +514,15 @@ impl Reader<'_> {
         if claimed > self.input.len().saturating_mul(MAX_EXPANSION) {
             why = Some("it claims more rows than the file has bytes");
         }
-        let conversion = Conversion::read(self.input, own.link(4))?;
+        if flags & 1 != 0 {
+            why = why.or(Some("the file says that none of its values is valid"));
+        }
+        let conversion = own.link(4).map(|at| block(self.input, at, *b"##CC"));
+        let conversion = conversion.transpose()?;
+        // the unit of the quantity is with the conversion, or else with the channel
+        let unit = conversion.as_ref().and_then(|own| own.link(1));
+        let unit = self::name(self.input, unit.or_else(|| own.link(6)))?;
+        let conversion = Conversion::read(conversion.as_ref())?;
         let conversion = conversion
             .map_err(|own| why = why.or(Some(own)))
             .unwrap_or(Conversion::None);
@@ -528,13 +535,14 @@ impl Reader<'_> {
             place: self.mdf.channels.len(),
             group: Some(group),
             is_time: matches!(kind, 2 | 3) && clock <= 1,
+            unit,
             ..Array::new(path, vec![rows])
         });
         self.mdf.channels.push(Channel {
             group,
             offset,
             bits,
-            // 1: all are none, 2: a bit says so
+            // 2: a bit says so
             invalid: (flags & 2 != 0).then_some(invalid),
             conversion,
         });

@@ -364,9 +364,10 @@ impl Container for Npz {
 pub(crate) fn open_zip(input: &mut Input) -> Read<Found> {
     let all = entries(input)?;
     let (mut arrays, mut unread) = (Vec::new(), Vec::new());
-    let (mut kept, mut places) = (Vec::new(), Vec::new());
+    let (mut kept, mut places, mut others) = (Vec::new(), Vec::new(), Vec::new());
     for entry in all {
         let Some(name) = entry.name.strip_suffix(".npy") else {
+            others.push((entry.name, "it is no array of NumPy (`.npy`)".to_owned()));
             continue;
         };
         let header = match entry.stream(input).and_then(|mut stream| {
@@ -399,6 +400,7 @@ pub(crate) fn open_zip(input: &mut Input) -> Read<Found> {
             "this is a ZIP archive without arrays of NumPy (`.npy`): unpack it, and name the log in it",
         );
     }
+    unread.extend(others);
     Ok(Found {
         arrays,
         unread,

@@ -270,6 +270,12 @@ impl Table {
         &self.matrices
     }
 
+    /// The unit that the file states of a column, such as `deg`; numbers are not converted.
+    pub fn unit(&self, column: usize) -> Option<&str> {
+        let array = self.arrays.get(self.columns.get(column)?.array)?;
+        Some(array.unit.trim()).filter(|unit| !unit.is_empty())
+    }
+
     /// Why the file has an array of this path, and the table has no such column; `None` for paths that
     /// the file does not have.
     pub fn why_absent(&self, name: &str) -> Option<&str> {

@@ -17,6 +17,9 @@ const MAX_PIECES: usize = 10_000_000;
 /// Why raw values of a card are not read.
 const DAQMX: &str = "it has raw values of DAQmx: save it again by LabVIEW, or convert it to CSV by npTDMS \
                      (`TdmsFile(..).as_dataframe().to_csv(..)`)";
+/// Why raw values with a scaling beside them are not read.
+const UNSCALED: &str = "it has raw values, and their scaling is not applied here: save scaled ones, or convert it to CSV \
+                        by npTDMS (`TdmsFile(..).as_dataframe().to_csv(..)`)";
 /// A fraction of a second in a time of LabVIEW.
 const FRACTION: f64 = 1.0 / 18_446_744_073_709_551_616.0;
 
@@ -85,6 +88,7 @@ struct Channel {
     /// The step of a waveform, and the time of its first value, s.
     step: Option<f64>,
     start: f64,
+    unit: String,
 }
 
 /// What an array has.
@@ -137,13 +141,18 @@ impl Container for Tdms {
     }
 }
 
-/// A value of a property, if it is a number.
-fn property(fields: &mut Fields<'_>, big: bool) -> Read<Option<f64>> {
+/// The value of a property.
+enum Property {
+    Text(String),
+    Number(f64),
+    Other,
+}
+
+fn property(fields: &mut Fields<'_>, big: bool) -> Read<Property> {
     let code = fields.u32()?;
     if code == 0x20 {
         let length = fields.u32()? as usize;
-        fields.skip(length)?;
-        return Ok(None);
+        return Ok(Property::Text(text(fields.take(length)?)));
     }
     let kind = Type::of(code, big);
     let Some(size) = kind.size() else {
@@ -151,8 +160,8 @@ fn property(fields: &mut Fields<'_>, big: bool) -> Read<Option<f64>> {
     };
     let bytes = fields.take(size as usize)?;
     Ok(match kind {
-        Type::Number(stored) => Some(stored.number(bytes)),
-        _ => None,
+        Type::Number(stored) => Property::Number(stored.number(bytes)),
+        _ => Property::Other,
     })
 }
 
@@ -249,8 +258,14 @@ impl Reader {
                 let name = text(fields.take(length)?);
                 let value = property(&mut fields, big)?;
                 match (&*name, value) {
-                    ("wf_increment", Some(step)) if step > 0.0 => channel.step = Some(step),
-                    ("wf_start_offset", Some(start)) => channel.start = start,
+                    ("wf_increment", Property::Number(step)) if step > 0.0 => {
+                        channel.step = Some(step);
+                    }
+                    ("wf_start_offset", Property::Number(start)) => channel.start = start,
+                    ("unit_string", Property::Text(unit)) => channel.unit = unit,
+                    ("NI_Scaling_Status", Property::Text(status)) if status == "unscaled" => {
+                        channel.why = Some(UNSCALED);
+                    }
                     _ => {}
                 }
             }
@@ -376,6 +391,7 @@ impl Reader {
                 place: places.len(),
                 group: Some(own),
                 is_time,
+                unit: channel.unit,
                 ..Array::new(title, vec![channel.count])
             });
             places.push(Place::Values(channel.pieces));

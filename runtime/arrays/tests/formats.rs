@@ -330,3 +330,19 @@ fn files_that_are_cut_off_or_changed_are_refused_or_read_but_never_more() {
     assert!((15..=18).contains(&refused), "{refused}");
     std::fs::remove_file(path).unwrap();
 }
+
+#[test]
+fn units_that_files_state_are_those_of_their_columns() {
+    for (name, column, unit) in [
+        ("early.h5", "arm/q[:,1]", Some("rad")),
+        ("early.h5", "arm/tau[:,0]", Some("N m")),
+        ("early.h5", "arm/on", None),
+        ("plain.mf4", "arm/q2", Some("rad")),
+        ("plain.mf4", "arm/counts", Some("rad")),
+        ("plain.mf4", "arm/tau_q1", None),
+    ] {
+        let table = &open(name)[0];
+        let place = table.place(column).unwrap();
+        assert_eq!(table.unit(place), unit, "{name} {column}");
+    }
+}

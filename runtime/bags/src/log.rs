@@ -102,7 +102,15 @@ impl Log {
             return Err(error);
         }
         let start = own.first_stamp.unwrap_or_default();
-        let tables = table::tables(path, &own)?;
+        let mut tables = table::tables(path, &own)?;
+        let others = surveys.iter().map(|other| {
+            let why = format!("another topic is read, {}", own.topic.name);
+            (other.topic.to_string(), why)
+        });
+        let others: Vec<(String, String)> = others.collect();
+        for table in &mut tables {
+            table.absent.clone_from(&others);
+        }
         Ok(Self {
             topic: own.topic,
             start,

@@ -38,6 +38,8 @@ pub struct Table {
     titles: Vec<String>,
     /// The lists of joints that messages have, with the numbers of messages.
     joints: Vec<(Vec<String>, u64)>,
+    /// What the recording has besides, with the reasons why it is in no column.
+    pub(crate) absent: Vec<(String, String)>,
 }
 
 /// A row.
@@ -137,6 +139,7 @@ pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, Bag
             titles: titles.collect(),
             columns,
             joints,
+            absent: Vec::new(),
         }
     };
     let mut all: Vec<Table> = groups.into_iter().map(table).collect();
@@ -154,6 +157,11 @@ impl Table {
     /// The titles of the columns.
     pub fn titles(&self) -> &[String] {
         &self.titles
+    }
+
+    /// What the recording has besides its topic, with the reasons why it is in no column.
+    pub fn absent(&self) -> &[(String, String)] {
+        &self.absent
     }
 
     /// The rows of some columns, in the order of the recording: the messages that have all joints of

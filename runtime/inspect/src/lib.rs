@@ -21,6 +21,7 @@ mod fft;
 mod follow;
 mod gather;
 mod joints;
+mod left_out;
 mod log;
 mod motion;
 mod names;

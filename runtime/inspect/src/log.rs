@@ -1,6 +1,6 @@
 //! Inspects one log: its clock, its columns and its joints.
 
-use regen_identify::data::{DataError, Quantity, RawLog, Run, Settings};
+use regen_identify::data::{DataError, Quantity, RawLog, Run, Settings, file_unit};
 use regen_identify::text::figure_of;
 use regen_runtime::Info;
 use serde::Serialize;
@@ -10,6 +10,7 @@ use crate::columns::{Extreme, Surveyed, survey};
 use crate::follow::{Following, RegressionInput, Signal, follow};
 use crate::gather::{Gathered, Times, gather, on_grid};
 use crate::joints::{Joint, joints};
+use crate::left_out;
 use crate::names::{Role, meaning};
 use crate::period::{Period, period};
 use crate::relations::{Derivative, Relations};
@@ -157,10 +158,11 @@ fn clock(log: &RawLog, settings: &Settings, surveyed: &Surveyed) -> Reading {
         survey.map_or(0.0, |s| s.usual_rise)
     };
     let of = |entry: usize, column: Option<usize>, stated: Option<&'static str>| {
-        let named = column
-            .and_then(|k| log.numbers().get(k))
-            .and_then(|i| log.titles().get(*i))
-            .and_then(|title| meaning(title).unit);
+        let named = column.and_then(|k| log.numbers().get(k)).and_then(|i| {
+            let title = log.titles().get(*i)?;
+            let stated = log.unit(*i).and_then(file_unit);
+            meaning(title).unit.or(stated)
+        });
         let known = named.filter(|unit| ["ms", "us", "ns"].contains(unit));
         let (unit, factor) = match (stated, known) {
             // the reader has converted it
@@ -315,10 +317,14 @@ pub fn inspect(
         }
         gathered = gather(&log, &surveyed, times, Some(&grid))?;
     }
+    let units: Vec<Option<&'static str>> = (0..log.titles().len())
+        .map(|index| log.unit(index).and_then(file_unit))
+        .collect();
     let mut known = Known {
         assignments: &settings.columns,
         timed: reading.source != ClockSource::Unknown,
         titles: log.titles(),
+        units: &units,
         named: log.is_named(),
         numbers: log.numbers(),
         time: reading.column,
@@ -401,6 +407,7 @@ pub fn inspect(
     };
     out.efforts = follow(&motion);
     out.notes = words::notes(&out);
+    out.notes.extend(left_out::notes(&log, &out));
     if let Some(info) = robot
         && out.joints.is_empty()
     {

@@ -267,6 +267,13 @@ fn unbracketed(name: &str) -> (String, Stated) {
     (name.to_owned(), Stated::Nothing)
 }
 
+/// What stands in square brackets at the end of a name, if it may be a unit, and is no index such as `[:,2]`.
+pub(crate) fn bracketed(name: &str) -> Option<&str> {
+    let (_, inside) = name.strip_suffix(']')?.rsplit_once('[')?;
+    let is_index = |c: char| c.is_ascii_digit() || ":, ".contains(c);
+    (!inside.chars().all(is_index)).then_some(inside)
+}
+
 /// The words of a name in lower case, split at punctuation, at capitals, and between letters and
 /// digits.
 fn words(name: &str) -> Vec<String> {

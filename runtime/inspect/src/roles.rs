@@ -56,6 +56,8 @@ impl Judged {
 pub(crate) struct Known<'a> {
     /// The titles of all columns.
     pub(crate) titles: &'a [String],
+    /// The units that the file states of these beside their titles.
+    pub(crate) units: &'a [Option<&'static str>],
     /// Whether the log has a header with titles.
     pub(crate) named: bool,
     /// The indices of the columns that have numbers: the judged ones.
@@ -207,7 +209,8 @@ fn by_name(known: &Known<'_>, k: usize) -> Judged {
     }
     if known.named {
         out.meaning = meaning(title);
-        out.unit = out.meaning.unit;
+        let stated = known.numbers.get(k).and_then(|i| *known.units.get(*i)?);
+        out.unit = out.meaning.unit.or(stated);
         out.role = match out.meaning.role {
             // a second clock is of no use
             Role::Time | Role::Other | Role::Constant => Role::Other,

@@ -109,6 +109,8 @@ def hdf5_files():
         arm = file.create_group("arm")
         arm.create_dataset("q", data=Q, chunks=(7, 1), compression="gzip", shuffle=True)
         arm.create_dataset("tau", data=TAU.astype(">f4"), chunks=(8, 2), compression="lzf", fletcher32=True)
+        # a text of any length, and one of a fixed length
+        arm["q"].attrs["unit"], arm["tau"].attrs["units"] = "rad", np.bytes_("N m")
         arm["on"] = K % 2 == 0
         arm["short"] = np.arange(5.0)
         arm["name"] = "arm"

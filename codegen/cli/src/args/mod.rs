@@ -255,7 +255,7 @@ pub(crate) enum Command {
     Eval(EvalArgs),
     /// Convert a URDF, SDF, MJCF or USD file to a spec
     Import(ImportArgs),
-    /// Write identified parameters into a URDF, SDF or MJCF file
+    /// Write identified parameters into a URDF, SDF, MJCF or USD file
     Export(ExportArgs),
     /// Find an exciting trajectory within the robot's limits
     Excite(ExciteArgs),

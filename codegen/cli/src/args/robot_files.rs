@@ -104,9 +104,9 @@ the body's frame, and friction by joint; every part and entry is optional.
    \"joints\": {\"elbow\": {\"Fv\": 1.2, \"Fc\": 0.4}}}
 Masses, centres of mass and inertias are transformed to the frames of the file
 and replace the numbers there, as do damping and friction (the larger of Fc+ and
-Fc-); in SDF and MJCF also K as stiffness, in MJCF J as armature. The rest of
-the file is unchanged, and so are its loops. Parameters that the format cannot
-express are listed. Values that no physical body has are refused.
+Fc-); in SDF and MJCF also K as stiffness, in MJCF and USD J as armature. The
+rest of the file is unchanged, and so are its loops. Parameters that the format
+cannot express are listed. Values that no physical body has are refused.
 
 Examples:
   regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\
@@ -114,8 +114,8 @@ Examples:
   regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\
       --to usd --out arm_identified.usda")]
 pub(crate) struct ExportArgs {
-    /// The robot file, URDF, SDF or MJCF
-    #[arg(long, visible_aliases = ["mjcf", "sdf"], value_name = "FILE")]
+    /// The robot file, URDF, SDF, MJCF or USD as text
+    #[arg(long, visible_aliases = ["mjcf", "sdf", "usd"], value_name = "FILE")]
     pub(crate) urdf: PathBuf,
     /// The spec that the parameters belong to
     #[arg(long, value_name = "SPEC")]

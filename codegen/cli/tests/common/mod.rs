@@ -7,6 +7,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 pub mod driven;
+pub mod logs;
 pub mod shape;
 
 use std::fs;

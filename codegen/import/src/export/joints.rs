@@ -81,6 +81,25 @@ impl Export<'_> {
                 }
                 edits.mjcf_joint(element, &fields);
             }
+            FileFormat::Usd => {
+                let values = [values.viscous, values.coulomb, values.armature];
+                let keys = [
+                    "viscousFrictionCoefficient",
+                    "dynamicFrictionEffort",
+                    "armature",
+                ];
+                let fields: Vec<(&str, Option<f64>)> = keys
+                    .into_iter()
+                    .zip(values)
+                    .map(|(key, value)| {
+                        let mut all = element.attributes.iter();
+                        let old = all.find(|a| a.name.ends_with(&format!(":{key}")));
+                        (old.map_or(key, |a| a.name.as_str()), value)
+                    })
+                    .collect();
+                self.note_unchanged(name, Some(element), &fields);
+                edits.usd_joint(element, values, (from.kind, &file.tree.units));
+            }
         }
     }
 
@@ -135,16 +154,19 @@ impl Export<'_> {
             let text = format!("{symbol}({name}) is left out: {format} has no {what}");
             self.log.note(place, text);
         }
-        if file.format != FileFormat::Mjcf {
-            let stiffness = values.stiffness.filter(|_| file.format == FileFormat::Urdf);
-            for (symbol, value, what) in [
-                ("J", values.armature, "inertia of rotors"),
-                ("K", stiffness, "springs"),
-            ] {
-                if value.is_some() {
-                    let text = format!("{symbol}({name}) is left out: {format} has no {what}");
-                    self.log.note(place, text);
-                }
+        let has_rotors = matches!(file.format, FileFormat::Mjcf | FileFormat::Usd);
+        let has_springs = matches!(file.format, FileFormat::Mjcf | FileFormat::Sdf);
+        for (symbol, value, what) in [
+            (
+                "J",
+                values.armature.filter(|_| !has_rotors),
+                "inertia of rotors",
+            ),
+            ("K", values.stiffness.filter(|_| !has_springs), "springs"),
+        ] {
+            if value.is_some() {
+                let text = format!("{symbol}({name}) is left out: {format} has no {what}");
+                self.log.note(place, text);
             }
         }
     }

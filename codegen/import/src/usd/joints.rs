@@ -9,6 +9,19 @@ use super::{Reading, has_schema, is_true};
 
 const DIRECTIONS: [&str; 6] = ["transX", "transY", "transZ", "rotX", "rotY", "rotZ"];
 
+/// The instances of limits, drives and frictions of a joint with one direction of turn or shift.
+const TURN: &[&str] = &["angular", "rotX", "rotY", "rotZ"];
+const SHIFT: &[&str] = &["linear", "transX", "transY", "transZ"];
+
+/// Numbers from this one on stand for infinity: the largest of single precision is 3.4e38.
+const UNLIMITED: f64 = 1e30;
+/// The velocity that PhysX takes as no limit, in degrees or units of length per second.
+const UNLIMITED_VELOCITY: f64 = 1e6;
+
+/// A motion of a joint: its kind, the letter of its axis, and the instances that its limits, drives and frictions
+/// have.
+type Motion<'s> = (Kind, String, &'s [&'static str]);
+
 impl<'a> Reading<'a, '_, '_> {
     /// Reads a joint; `None` if it is left out, or after an error.
     pub(super) fn joint(&mut self, path: &str, element: &'a Element) -> Option<SdfJoint<'a>> {
@@ -23,11 +36,11 @@ impl<'a> Reading<'a, '_, '_> {
             return None;
         }
         let axis = element.text("physics:axis").unwrap_or("X").to_owned();
-        let (kind, parts): (&str, Vec<(Kind, String)>) = match element.tag.as_str() {
+        let (kind, parts): (&str, Vec<Motion<'_>>) = match element.tag.as_str() {
             "PhysicsFixedJoint" => ("fixed", Vec::new()),
-            "PhysicsRevoluteJoint" => ("revolute", vec![(Kind::Revolute, axis)]),
-            "PhysicsPrismaticJoint" => ("prismatic", vec![(Kind::Prismatic, axis)]),
-            "PhysicsSphericalJoint" => ("ball", vec![(Kind::Spherical, axis)]),
+            "PhysicsRevoluteJoint" => ("revolute", vec![(Kind::Revolute, axis, TURN)]),
+            "PhysicsPrismaticJoint" => ("prismatic", vec![(Kind::Prismatic, axis, SHIFT)]),
+            "PhysicsSphericalJoint" => ("ball", vec![(Kind::Spherical, axis, &[])]),
             "PhysicsJoint" => self.free_directions(element)?,
             other => {
                 let message = format!("'{name}' is a {other}, which cannot be expressed");
@@ -64,15 +77,22 @@ impl<'a> Reading<'a, '_, '_> {
                 .text("physics:excludeFromArticulation")
                 .is_some_and(is_true),
         };
-        for (kind, axis) in parts {
+        for (kind, axis, instances) in parts {
             let mut part = Joint::new(name.clone(), element.place, kind);
             part.axis = match axis.as_str() {
                 "X" => [1.0, 0.0, 0.0],
                 "Y" => [0.0, 1.0, 0.0],
-                _ => [0.0, 0.0, 1.0],
+                "Z" => [0.0, 0.0, 1.0],
+                other => {
+                    let message = format!("the axis of '{name}' is {other}");
+                    self.fields
+                        .log
+                        .error(element.place, message, "it is X, Y or Z");
+                    return None;
+                }
             };
             if kind != Kind::Spherical {
-                self.limits(element, &mut part);
+                self.limits(element, &mut part, instances);
                 joint.mimics.extend(self.mimic(element, &name));
             }
             joint.parts.push(part);
@@ -87,27 +107,19 @@ impl<'a> Reading<'a, '_, '_> {
     fn free_directions(
         &mut self,
         element: &Element,
-    ) -> Option<(&'static str, Vec<(Kind, String)>)> {
-        let mut free = Vec::new();
-        for direction in DIRECTIONS {
-            let end = |end: &str| {
-                let name = format!("limit:{direction}:physics:{end}");
-                element
-                    .attribute(&name)
-                    .and_then(|a| a.value.parse::<f64>().ok())
-            };
-            let is_locked =
-                matches!((end("low"), end("high")), (Some(low), Some(high)) if low > high);
-            if !is_locked {
-                free.push(direction);
-            }
-        }
-        let axis = |direction: &str| direction.chars().last().unwrap_or('X').to_string();
+    ) -> Option<(&'static str, Vec<Motion<'static>>)> {
+        let free = free_of(element);
+        let one_way = |kind: Kind, free: &'static str| {
+            let axis = free.chars().last().unwrap_or('X').to_string();
+            let own = DIRECTIONS.iter().position(|name| *name == free);
+            let instances = own.and_then(|k| DIRECTIONS.get(k..=k));
+            vec![(kind, axis, instances.unwrap_or_default())]
+        };
         Some(match free.as_slice() {
             [] => ("fixed", Vec::new()),
-            [one] if one.starts_with("rot") => ("revolute", vec![(Kind::Revolute, axis(one))]),
-            [one] => ("prismatic", vec![(Kind::Prismatic, axis(one))]),
-            ["rotX", "rotY", "rotZ"] => ("ball", vec![(Kind::Spherical, "X".to_owned())]),
+            [one] if one.starts_with("rot") => ("revolute", one_way(Kind::Revolute, one)),
+            [one] => ("prismatic", one_way(Kind::Prismatic, one)),
+            ["rotX", "rotY", "rotZ"] => ("ball", vec![(Kind::Spherical, "X".to_owned(), &[])]),
             all => {
                 let message = format!(
                     "a joint that leaves {} free cannot be expressed",
@@ -159,18 +171,18 @@ impl<'a> Reading<'a, '_, '_> {
         Some((links, on))
     }
 
-    /// A number of a joint; none where it is infinite or larger than any robot needs.
+    /// A number of a joint; none where it is infinite, or as large as writers mean by that.
     fn number(&mut self, attribute: Option<&Attribute>) -> Option<f64> {
-        let attribute = attribute?;
+        let attribute = attribute.filter(|a| !a.value.is_empty())?;
         let value = attribute.value.parse::<f64>();
-        if value.as_ref().is_ok_and(|x| x.abs() >= 1e6) {
+        if value.as_ref().is_ok_and(|x| x.abs() >= UNLIMITED) {
             return None;
         }
         self.fields.number(attribute)
     }
 
     /// Limits, friction and the inertia of the drive.
-    fn limits(&mut self, element: &Element, part: &mut Joint) {
+    fn limits(&mut self, element: &Element, part: &mut Joint, instances: &[&str]) {
         let is_turning = part.kind == Kind::Revolute;
         let length = self.meter;
         // of angles and lengths, and of efforts
@@ -183,20 +195,25 @@ impl<'a> Reading<'a, '_, '_> {
         let ends = ["lower", "upper"].map(|end| {
             let own = element.attribute(&format!("physics:{end}Limit"));
             let bound = if end == "lower" { "low" } else { "high" };
-            own.or_else(|| ending(element, "limit:", &format!(":physics:{bound}")))
+            own.or_else(|| of(element, "limit:", instances, &format!(":physics:{bound}")))
         });
-        let ends = ends.map(|end| self.number(end).map(|x| x * way));
-        if let [Some(lower), Some(upper)] = ends
-            && lower < upper
-        {
-            part.position = Some([lower, upper]);
+        match ends.map(|end| self.number(end).map(|x| x * way)) {
+            [Some(lower), Some(upper)] if lower < upper => part.position = Some([lower, upper]),
+            [None, None] => {}
+            _ => {
+                let text = "limits without a range are left out: {}";
+                let item = format!("'{}'", part.name);
+                self.fields.log.note_each(element.place, text, &item);
+            }
         }
-        let axis = |name: &str| ending(element, "physxJointAxis:", &format!(":{name}"));
+        let axis = |name: &str| of(element, "physxJointAxis:", instances, &format!(":{name}"));
         let both =
             |name: &str| axis(name).or_else(|| element.attribute(&format!("physxJoint:{name}")));
         let velocity = self.number(both("maxJointVelocity"));
-        part.velocity = velocity.filter(|v| *v > 0.0).map(|v| v * way);
-        let most = self.number(ending(element, "drive:", ":physics:maxForce"));
+        let velocity = velocity.filter(|v| *v > 0.0 && *v < UNLIMITED_VELOCITY);
+        part.velocity = velocity.map(|v| v * way);
+        let most = of(element, "drive:", instances, ":physics:maxForce");
+        let most = self.number(most);
         part.effort = most.filter(|e| *e > 0.0).map(|e| [-e * effort, e * effort]);
         let inertia = effort;
         let mut resisting =
@@ -216,7 +233,12 @@ impl<'a> Reading<'a, '_, '_> {
     /// Whether a motor drives the joint.
     fn is_driven(&mut self, element: &Element) -> bool {
         let driven = has_schema(element, "PhysicsDriveAPI:");
-        let most = ending(element, "drive:", ":physics:maxForce");
+        let most = of(
+            element,
+            "drive:",
+            &[TURN, SHIFT].concat(),
+            ":physics:maxForce",
+        );
         let is_weak = most.is_some_and(|most| most.value.parse() == Ok(0.0));
         for attribute in &element.attributes {
             if attribute.name.starts_with("drive:") && !attribute.used.is_marked() {
@@ -236,8 +258,9 @@ impl<'a> Reading<'a, '_, '_> {
             return None;
         }
         let prefix = "physxMimicJoint:";
-        let leader = ending(element, prefix, ":referenceJoint");
-        let _ = ending(element, prefix, ":referenceJointAxis");
+        let own = |end: &str| of(element, prefix, &DIRECTIONS, end);
+        let leader = own(":referenceJoint");
+        let _ = own(":referenceJointAxis");
         let other = leader.and_then(|a| self.joints.iter().find(|(path, _)| *path == a.value));
         let Some((path, other)) = other.cloned() else {
             let message = format!("'{name}' follows a joint that this file does not define");
@@ -253,12 +276,8 @@ impl<'a> Reading<'a, '_, '_> {
             self.fields.log.error(element.place, message, hint);
             return None;
         }
-        let gearing = self
-            .number(ending(element, prefix, ":gearing"))
-            .unwrap_or(1.0);
-        let offset = self
-            .number(ending(element, prefix, ":offset"))
-            .unwrap_or(0.0);
+        let gearing = self.number(own(":gearing")).unwrap_or(1.0);
+        let offset = self.number(own(":offset")).unwrap_or(0.0);
         let way = if element.tag == "PhysicsPrismaticJoint" {
             self.meter
         } else {
@@ -273,15 +292,39 @@ impl<'a> Reading<'a, '_, '_> {
     }
 }
 
+/// The directions of a joint that no limit locks.
+fn free_of(element: &Element) -> Vec<&'static str> {
+    let is_free = |direction: &&str| {
+        let end = |end: &str| {
+            let end = element.attribute(&format!("limit:{direction}:physics:{end}"));
+            end.and_then(|a| a.value.parse::<f64>().ok())
+        };
+        !matches!((end("low"), end("high")), (Some(low), Some(high)) if low > high)
+    };
+    DIRECTIONS.into_iter().filter(is_free).collect()
+}
+
+/// The only direction of a joint that no limit locks.
+pub(crate) fn free_direction(element: &Element) -> Option<&'static str> {
+    match free_of(element).as_slice() {
+        [one] => Some(one),
+        _ => None,
+    }
+}
+
 fn body_path(element: &Element, k: usize) -> &str {
     element
         .text(&format!("physics:body{k}"))
         .unwrap_or_default()
 }
 
-/// The first attribute whose name begins and ends so, with the name of an instance between.
-fn ending<'e>(element: &'e Element, begin: &str, end: &str) -> Option<&'e Attribute> {
-    let mut all = element.attributes.iter();
-    let found = all.find(|a| a.name.starts_with(begin) && a.name.ends_with(end));
-    found.inspect(|a| a.used.mark())
+/// The attribute of a schema that has this name behind that of the first of the instances which has one.
+fn of<'e>(
+    element: &'e Element,
+    begin: &str,
+    instances: &[&str],
+    end: &str,
+) -> Option<&'e Attribute> {
+    let mut all = instances.iter();
+    all.find_map(|instance| element.attribute(&format!("{begin}{instance}{end}")))
 }

@@ -14,10 +14,12 @@ use crate::tree::{Inertia, Link, Side, Tree};
 use crate::unused::{Row, is_kinematic};
 use crate::xml::{Attribute, Element};
 
+pub(crate) use joints::free_direction;
 pub(crate) use text::read as read_text;
 
-/// What a file needs that has parts in other files, or choices between parts.
-pub(crate) const FLATTEN: &str = "`usdcat --flatten ROBOT.usd -o WHOLE.usda`, of Pixar's usd-core, writes one text without references and variants";
+/// How a USD file becomes one that [`import`](crate::import) reads: a text, without parts in other files and choices
+/// between parts.
+pub const FLATTEN: &str = "`usdcat --flatten ROBOT.usd -o WHOLE.usda`, of Pixar's usd-core, writes one text without references and variants";
 
 /// The reader tells what has no effect itself, by the beginning of its name.
 pub(crate) const ROWS: &[Row] = &[];
@@ -117,6 +119,8 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
     };
     reading.meter = reading.unit(root, "metersPerUnit", 0.01);
     reading.kilogram = reading.unit(root, "kilogramsPerUnit", 1.0);
+    reading.tree.units.meter = reading.meter;
+    reading.tree.units.kilogram = reading.kilogram;
     reading.prim(root);
     let world = Drawn {
         world: Pose::default(),
@@ -137,6 +141,11 @@ impl<'a> Reading<'a, '_, '_> {
         if given.is_none() && default != 1.0 {
             let text = format!("the file states no {name}, which is {default} then");
             self.fields.log.note(root.place, text);
+        }
+        if given.is_some_and(|unit| unit <= 0.0) {
+            let hint = "it is the size of a unit of the file in m or kg, such as 0.01";
+            let message = format!("{name} must be above 0");
+            self.fields.log.error(root.place, message, hint);
         }
         given.filter(|unit| *unit > 0.0).unwrap_or(default)
     }
@@ -211,12 +220,13 @@ impl<'a> Reading<'a, '_, '_> {
                 self.prim(child);
             }
             let mut drawn = self.placed(child, around);
-            if is_body && self.moves(child, &path) {
-                drawn.body = Some(self.bodies.len());
-                self.bodies.push(Body {
+            if is_body {
+                let moves = self.moves(child, &path);
+                drawn.body = moves.then_some(self.bodies.len());
+                self.bodies.extend(moves.then(|| Body {
                     path: path.clone(),
                     element: child,
-                });
+                }));
             }
             if is_joint {
                 self.joints.push((path.clone(), child));
@@ -348,6 +358,7 @@ impl<'a> Reading<'a, '_, '_> {
             let carrier = joint.and_then(|j| j.other(link));
             let (inertia, unknown) = self.inertia(element, &name, drawn.scale);
             index.insert(link, self.tree.links.len());
+            self.tree.units.scales.push(drawn.scale);
             self.tree.links.push(Link {
                 name,
                 place: element.place,
@@ -419,7 +430,9 @@ impl<'a> Reading<'a, '_, '_> {
 
     /// The inertia of a body, and whether the file does not state it.
     fn inertia(&mut self, body: &Element, name: &str, scale: V3) -> (Option<Inertia>, bool) {
-        let stated = |name: &str| body.attribute(name).filter(|a| !a.value.contains("inf"));
+        // a property may stand there without a value
+        let is_value = |a: &&Attribute| !a.value.contains("inf") && !a.value.is_empty();
+        let stated = |name: &str| body.attribute(name).filter(is_value);
         let mass = stated("physics:mass").and_then(|a| self.fields.number(a));
         let moments = stated("physics:diagonalInertia").and_then(|a| self.fields.array::<3>(a));
         let com = stated("physics:centerOfMass").and_then(|a| self.vector(a));
@@ -463,7 +476,7 @@ fn is_true(text: &str) -> bool {
 }
 
 /// Whether a schema is applied to a prim, of which the instance may follow its name.
-fn has_schema(element: &Element, schema: &str) -> bool {
+pub(crate) fn has_schema(element: &Element, schema: &str) -> bool {
     let all = element.attributes.iter().filter(|a| a.name == "apiSchemas");
     let mut words = all.flat_map(|a| a.value.split_whitespace());
     words.any(|word| word == schema || schema.ends_with(':') && word.starts_with(schema))

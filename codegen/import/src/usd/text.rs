@@ -108,7 +108,8 @@ impl<'a> Parser<'a> {
             let until = from + found;
             let inside = rest.get(mark.len()..until).unwrap_or_default();
             let slashes = inside.len() - inside.trim_end_matches('\\').len();
-            if matches!(*mark, "\"" | "'") && inside.contains('\n') {
+            let part = rest.get(from..until).unwrap_or_default();
+            if matches!(*mark, "\"" | "'") && part.contains('\n') {
                 return self.fail("a text without an end");
             }
             if slashes % 2 == 0 {

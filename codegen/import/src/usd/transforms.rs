@@ -62,6 +62,9 @@ impl Reading<'_, '_, '_> {
                 None => (name, false),
             };
             let Some(attribute) = element.attribute(name) else {
+                let message = format!("xformOpOrder names {name}, which the prim does not have");
+                let hint = "write it, or take it out of the order";
+                self.fields.log.error(element.place, message, hint);
                 continue;
             };
             let kind = name.split(':').nth(1).unwrap_or_default();
@@ -70,6 +73,11 @@ impl Reading<'_, '_, '_> {
             };
             let pose = if is_inverted { pose.inverse() } else { pose };
             let scale = scale.map(|s| if is_inverted { 1.0 / s } else { s });
+            let scaled = |all: V3| [0, 1, 2].map(|k| all[k] * scale[k]);
+            // of an operation that moves and scales, the inverse scales first
+            if is_inverted {
+                drawn.scale = scaled(drawn.scale);
+            }
             let at = [0, 1, 2].map(|k| pose.p[k] * drawn.scale[k] * self.meter);
             let is_uniform = drawn.scale.iter().all(|s| *s == drawn.scale[0]);
             drawn.is_sheared |= pose.r != UNIT && !is_uniform || scale.iter().any(|s| *s <= 0.0);
@@ -77,7 +85,9 @@ impl Reading<'_, '_, '_> {
             if pose.r != UNIT {
                 drawn.world = drawn.world.then(&Pose::turn(pose.r));
             }
-            drawn.scale = [0, 1, 2].map(|k| drawn.scale[k] * scale[k]);
+            if !is_inverted {
+                drawn.scale = scaled(drawn.scale);
+            }
         }
         drawn
     }
@@ -102,10 +112,9 @@ impl Reading<'_, '_, '_> {
                     .chars()
                     .collect();
                 let angles = self.fields.numbers(attribute)?;
-                if letters.is_empty()
-                    || letters.len() != angles.len() && letters.len() != 3
-                    || angles.len() > 3
-                {
+                let is_one = matches!(letters.as_slice(), ['X' | 'Y' | 'Z']);
+                let is_order = letters.len() == 3 && "XYZ".chars().all(|c| letters.contains(&c));
+                if !(is_one || is_order) || angles.len() != letters.len() {
                     let message = format!("{} is not known here", attribute.name);
                     let hint =
                         "poses are given by translate, orient, rotateXYZ, scale or transform";

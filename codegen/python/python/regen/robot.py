@@ -114,7 +114,7 @@ class Robot(Functions):
         to: Literal["same", "usd", "isaac-lab"] = "same",
         out: Path | None = None,
     ) -> str:
-        """Identified physical parameters, written into a URDF, SDF or MJCF file; returns its text.
+        """Identified physical parameters, written into a URDF, SDF, MJCF or USD file; returns its text.
 
         ``parameters``: of ``identify(feasible=True)``, or a dict or a file as ``regen export`` reads
         it. ``file``: the robot file, by default the one that this robot was read from. ``to``: ``"usd"``

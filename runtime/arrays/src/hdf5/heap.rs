@@ -1,5 +1,5 @@
 //! What later versions of the format keep lists in: trees of the second version, heaps of links, and
-//! arrays of chunks.
+//! arrays of chunks; and the heaps of texts.
 
 use super::objects::link;
 use super::{MAX_BLOCK, Sizes};
@@ -8,6 +8,9 @@ use crate::input::{Fields, Input};
 
 /// The deepest tree.
 const MAX_LEVELS: u16 = 16;
+
+/// The most bytes of a heap of texts that are read.
+const MAX_TEXTS: u64 = 1 << 16;
 
 /// The records of a tree of the second version.
 pub(super) struct Tree {
@@ -236,6 +239,47 @@ impl Heap {
         }
         broken("a heap of links has no end")
     }
+}
+
+/// A text of any length, which is in a heap; empty where it is not in the first [`MAX_TEXTS`] bytes of that.
+///
+/// - `fields`: its length, the address of the heap, and its number there.
+pub(super) fn text(input: &mut Input, sizes: Sizes, fields: &mut Fields<'_>) -> Read<String> {
+    let length = fields.u32()? as usize;
+    let (at, number) = (sizes.address(fields)?, fields.u32()?);
+    let Some(at) = at.filter(|_| length > 0) else {
+        return Ok(String::new());
+    };
+    let head = input.bytes(at, 8 + sizes.length as u64)?;
+    let mut fields = Fields::new(&head, false);
+    if fields.take(4)? != b"GCOL" {
+        return broken(format!("there is no heap of texts at byte {at}"));
+    }
+    fields.skip(4)?;
+    let size = sizes.size(&mut fields)?.min(MAX_TEXTS);
+    // many attributes have their texts in one heap, so that this is read again and again
+    let bytes = input.data(at, size)?;
+    let mut fields = Fields::new(&bytes, false);
+    fields.skip(head.len())?;
+    while fields.rest().len() >= head.len() {
+        let own = u32::from(fields.u16()?);
+        fields.skip(6)?;
+        let size = sizes.size(&mut fields)? as usize;
+        // what has no number is the free rest
+        if own == 0 {
+            break;
+        }
+        let Ok(bytes) = fields.take(size) else {
+            break;
+        };
+        if own == number {
+            let bytes = bytes.get(..length).unwrap_or(bytes);
+            return Ok(crate::input::text(bytes));
+        }
+        let fill = size.next_multiple_of(8) - size;
+        fields.skip(fill.min(fields.rest().len()))?;
+    }
+    Ok(String::new())
 }
 
 /// The entries of an array of chunks that does not grow.

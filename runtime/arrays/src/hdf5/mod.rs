@@ -295,6 +295,7 @@ impl Walk<'_> {
             self.arrays.push(Array {
                 columns_first: self.is_matlab,
                 place: self.places.len(),
+                unit: object.unit.clone(),
                 ..Array::new(own, whole)
             });
             self.places.push(Place {

@@ -3,6 +3,7 @@
 use super::Sizes;
 use super::chunks::{self, Index};
 use super::filters::{self, Filter};
+use super::heap;
 use super::kinds::Kind;
 use crate::error::{Read, broken, refused};
 use crate::input::{Fields, Input, text};
@@ -91,6 +92,8 @@ pub(super) struct Object {
     pub(super) is_sparse: bool,
     /// Whether the attribute `MATLAB_empty` says so.
     pub(super) is_empty: bool,
+    /// The text of the attribute `unit` or `units`; empty without one.
+    pub(super) unit: String,
     filters: Vec<Filter>,
 }
 
@@ -205,7 +208,7 @@ impl Object {
                     }
                 }
                 0x06 => out.links.push(link(&mut fields, sizes)?),
-                0x0c => out.attribute(&mut fields)?,
+                0x0c => out.attribute(input, sizes, &mut fields)?,
                 _ => {}
             }
         }
@@ -222,10 +225,10 @@ impl Object {
         Ok(out)
     }
 
-    /// Takes one of MATLAB's attributes.
-    fn attribute(&mut self, fields: &mut Fields<'_>) -> Read<()> {
+    /// Takes one of MATLAB's attributes, or a unit.
+    fn attribute(&mut self, input: &mut Input, sizes: Sizes, fields: &mut Fields<'_>) -> Read<()> {
         let version = fields.u8()?;
-        fields.skip(1)?;
+        let is_shared = fields.u8()? & 1 != 0 && version > 1;
         let lengths = [fields.u16()?, fields.u16()?, fields.u16()?];
         if version == 3 {
             fields.skip(1)?;
@@ -235,11 +238,23 @@ impl Object {
             _ => usize::from(length),
         };
         let name = text(fields.take(padded(lengths[0]))?);
-        if !name.starts_with("MATLAB_") {
+        let is_unit = matches!(&*name.to_lowercase(), "unit" | "units");
+        if !name.starts_with("MATLAB_") && !is_unit {
             return Ok(());
         }
-        fields.skip(padded(lengths[1]))?;
+        let class = fields
+            .take(padded(lengths[1]))?
+            .first()
+            .map(|head| head & 15);
         fields.skip(padded(lengths[2]))?;
+        if is_unit {
+            self.unit = match class.filter(|_| !is_shared) {
+                Some(3) => text(fields.rest()),
+                Some(9) => heap::text(input, sizes, fields)?,
+                _ => String::new(),
+            };
+            return Ok(());
+        }
         match &*name {
             "MATLAB_class" => text(fields.rest()).trim_end().clone_into(&mut self.class),
             "MATLAB_empty" => self.is_empty = fields.rest().first().is_some_and(|own| *own != 0),

@@ -228,6 +228,52 @@ pub(crate) const UNITS: [(&str, f64); 25] = [
     ("mA", 1e-3),
 ];
 
+/// Other spellings in files of the units of [`UNITS`].
+const SPELLINGS: [(&str, &str); 16] = [
+    ("\u{b0}", "deg"),
+    ("degree", "deg"),
+    ("degrees", "deg"),
+    ("radian", "rad"),
+    ("radians", "rad"),
+    ("\u{b0}/s", "deg/s"),
+    ("rad/s2", "rad/s^2"),
+    ("deg/s2", "deg/s^2"),
+    ("m/s2", "m/s^2"),
+    ("1/min", "rpm"),
+    ("sec", "s"),
+    ("\u{b5}s", "us"),
+    ("N m", "Nm"),
+    ("N*m", "Nm"),
+    ("N.m", "Nm"),
+    ("N\u{b7}m", "Nm"),
+];
+
+/// The unit that a file states, if it is one of those that columns may have.
+///
+/// ```
+/// use regen_identify::data::file_unit;
+///
+/// assert_eq!((file_unit("degrees"), file_unit("furlong")), (Some("deg"), None));
+/// ```
+pub fn file_unit(text: &str) -> Option<&'static str> {
+    let text = text.trim();
+    let same = |own: &str| own == text || own.eq_ignore_ascii_case(text);
+    let exact = UNITS.iter().find(|(own, _)| *own == text);
+    let found = exact.or_else(|| UNITS.iter().find(|(own, _)| same(own)));
+    let spelled = || SPELLINGS.iter().find(|(own, _)| same(own));
+    found
+        .map(|own| own.0)
+        .or_else(|| spelled().map(|own| own.1))
+}
+
+/// Whether numbers in a unit are those of a time, a motion or an effort in SI.
+pub(crate) fn is_si(unit: &str) -> bool {
+    matches!(
+        unit,
+        "s" | "rad" | "m" | "rad/s" | "m/s" | "rad/s^2" | "m/s^2" | "N" | "Nm"
+    )
+}
+
 impl FromStr for Assignment {
     type Err = AssignmentError;
 

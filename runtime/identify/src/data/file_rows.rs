@@ -329,12 +329,27 @@ impl Table {
     }
 
     /// What the file has and the table lacks, with the reasons.
-    #[cfg_attr(not(feature = "arrays"), allow(clippy::unused_self))]
+    #[cfg_attr(
+        not(any(feature = "arrays", feature = "bags")),
+        allow(clippy::unused_self)
+    )]
     pub(super) fn absent(&self) -> &[(String, String)] {
         match &self.kind {
             #[cfg(feature = "arrays")]
             Kind::Arrays(table) => table.absent(),
+            #[cfg(feature = "bags")]
+            Kind::Bag(table) => table.absent(),
             _ => &[],
+        }
+    }
+
+    /// The unit that the file states of a column beside its title.
+    #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
+    pub(super) fn unit(&self, column: usize) -> Option<&str> {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.unit(column),
+            _ => None,
         }
     }
 

@@ -1,7 +1,7 @@
 //! Finds the columns of a run's files that contain times, positions, velocities, accelerations and
 //! efforts.
 
-use super::columns::{Assignment, Quantity, ValuesFrom};
+use super::columns::{Assignment, Quantity, ValuesFrom, file_unit, is_si};
 use super::file_rows::{Table, shortened};
 use super::problem::DataError;
 use super::run::Join;
@@ -278,8 +278,44 @@ impl<'a> Finder<'a> {
 
     /// The column of a quantity; `None` if it has none.
     pub(super) fn find(&self, quantity: &Quantity) -> Result<Option<Channel>, String> {
-        let found = self.find_as(self.given(quantity), &quantity.to_string())?;
-        Ok(found.or_else(|| self.in_matrix(quantity).map(Channel::plain)))
+        let given = self.given(quantity);
+        let found = self.find_as(given, &quantity.to_string())?;
+        let found = found.or_else(|| self.in_matrix(quantity).map(Channel::plain));
+        // a factor replaces the unit of the file, as a unit does
+        let is_stated = given.is_some_and(|own| {
+            own.unit.is_some() || own.gain.is_some() || (own.factor - 1.0).abs() > 0.0
+        });
+        if let (Some(index), false) = (found.and_then(|own| own.index), is_stated) {
+            self.require_si(quantity, index)?;
+        }
+        Ok(found)
+    }
+
+    /// Refuses a column that is in another unit than SI, as its file states, where the user states none.
+    fn require_si(&self, quantity: &Quantity, index: usize) -> Result<(), String> {
+        let unit = self.unit(index).and_then(file_unit);
+        let unit = unit.filter(|unit| quantity.units().contains(unit) && !is_si(unit));
+        let Some((unit, title)) = unit.zip(self.header.get(index)) else {
+            return Ok(());
+        };
+        let (gain, si) = match unit {
+            "A" | "mA" => ("*0.12", "Nm"),
+            _ => ("", quantity.units().first().copied().unwrap_or_default()),
+        };
+        Err(format!(
+            "its file states that `{title}` is in {unit}: assign it with this unit, such as \
+             `{quantity}={title}:{unit}{gain}`, or with {si} if the file is wrong"
+        ))
+    }
+
+    /// The unit that the file states of a column.
+    fn unit(&self, index: usize) -> Option<&str> {
+        let mut before = 0;
+        self.tables.iter().find_map(|table| {
+            let own = index.checked_sub(before)?;
+            before += table.titles.len();
+            table.unit(own)
+        })
     }
 
     /// The column of an assignment or, if there is no assignment or its optional column is missing,
@@ -500,6 +536,9 @@ impl ColumnLayout {
     ) -> Result<Self, Unfit> {
         let finder = Finder::new(tables, info, search, &[])?;
         let (time, times) = finder.times()?;
+        if let (Some(index), None) = (time.index, finder.given(&Quantity::Time)) {
+            finder.require_si(&Quantity::Time, index)?;
+        }
         let mut measured = Vec::new();
         let mut positions = Vec::new();
         let mut rates = Vec::new();

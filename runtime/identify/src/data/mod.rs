@@ -56,7 +56,7 @@ mod window;
 
 pub use bridge::Bridged;
 pub(crate) use columns::UNITS;
-pub use columns::{Assignment, AssignmentError, Quantity, ValuesFrom};
+pub use columns::{Assignment, AssignmentError, Quantity, ValuesFrom, file_unit};
 pub use logs::{FileReport, Logs, MissingRows};
 pub(crate) use noise_levels::NoiseLevels;
 pub use parsed::ParsedFiles;

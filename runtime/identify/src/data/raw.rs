@@ -155,6 +155,41 @@ impl RawLog {
         self.file.layout.channels.first().and_then(|c| c.index)
     }
 
+    /// The unit that the file states of a column beside its title.
+    ///
+    /// - `index`: that of the title.
+    pub fn unit(&self, index: usize) -> Option<&str> {
+        let mut before = 0;
+        self.file.tables.iter().find_map(|table| {
+            let own = index.checked_sub(before)?;
+            before += table.titles.len();
+            table.unit(own)
+        })
+    }
+
+    /// What the files have and no column has, such as texts, arrays of other lengths and other topics, with the
+    /// reasons.
+    pub fn left_out(&self) -> Vec<(String, String)> {
+        let mut all: Vec<(String, String)> = Vec::new();
+        for own in self.file.tables.iter().flat_map(Table::absent) {
+            if !all.contains(own) {
+                all.push(own.clone());
+            }
+        }
+        all
+    }
+
+    /// The titles of the columns of time by which the tables of a file are joined; none if each file has one table.
+    pub fn clocks(&self) -> Vec<&str> {
+        if self.file.tables.len() == self.file.run.files.len() {
+            return Vec::new();
+        }
+        let times = self.file.layout.times.as_deref().unwrap_or_default();
+        let titles = times.iter().zip(&self.file.tables);
+        let titles = titles.filter_map(|(time, table)| table.titles.get(time.index?));
+        titles.map(String::as_str).collect()
+    }
+
     /// Passes each row to `each`.
     ///
     /// # Errors
@@ -191,9 +226,17 @@ fn numeric(tables: &[Table]) -> Result<Vec<usize>, DataError> {
                 continue;
             };
             let (mut bad, mut all) = (vec![0; columns.len()], 0);
-            while all < PROBED_ROWS
-                && let Some(row) = rows.next_row()?
-            {
+            while all < PROBED_ROWS {
+                let row = match rows.next_row() {
+                    Ok(Some(row)) => row,
+                    Ok(None) => break,
+                    // a column of texts, or of lists of different lengths
+                    Err(DataError::ColumnLayout { .. }) if !table.is_text() => {
+                        (bad, all) = (vec![1; columns.len()], 1);
+                        break;
+                    }
+                    Err(error) => return Err(error),
+                };
                 all += 1;
                 for fault in row.faults {
                     match fault.column.and_then(|place| bad.get_mut(place)) {

@@ -1,0 +1,718 @@
+//! One unknown thing is planted into each of many files of all formats, and the command that reads the file tells it.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fs;
+use std::path::Path;
+
+use crate::common::logs::{
+    Channel, Hdf5, Mdf, Topic, doubles, hdf5, joint_state, mat, mcap, mdf, npy, parquet, tdms,
+    variable, zip,
+};
+use crate::common::{regen, scratch};
+
+/// The format of a file, its name and content, and the words by which the command tells what was planted.
+type Plant = (&'static str, &'static str, Vec<u8>, &'static str);
+
+/// What a command prints about a file, in one line.
+fn told(dir: &Path, words: &[&str]) -> String {
+    let run = regen(dir, words);
+    let all = format!("{} {}", run.out, run.err);
+    all.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[track_caller]
+fn assert_told(dir: &Path, words: &[&str], (format, _, _, expected): &Plant) {
+    let told = told(dir, words);
+    assert!(
+        told.contains(expected),
+        "{format}, {words:?}: no {expected:?} in\n{told}"
+    );
+}
+
+const URDF: &str = r#"<robot name="r"><link name="base"/><link name="rod"><inertial><origin xyz="0 0 1"/>
+<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="q" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="1 0 0"/>
+<limit effort="1" velocity="1"/></joint></robot>"#;
+
+const SDF: &str = r#"<sdf version="1.9"><model name="m"><link name="base"/><link name="rod">
+<inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial></link>
+<joint name="w" type="fixed"><parent>world</parent><child>base</child></joint>
+<joint name="q" type="revolute"><parent>base</parent><child>rod</child><axis><xyz>1 0 0</xyz></axis></joint></model></sdf>"#;
+
+const MJCF: &str = r#"<mujoco model="m"><worldbody><body name="rod"><inertial mass="1" pos="0 0 1" diaginertia="1 1 1"/>
+<joint name="q"/></body></worldbody></mujoco>"#;
+
+const USD: &str = r#"#usda 1.0
+(
+    defaultPrim = "r"
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+def Xform "r"
+{
+    def Xform "rod" (
+        apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
+    )
+    {
+        float physics:mass = 1
+        point3f physics:centerOfMass = (0, 0, 1)
+        float3 physics:diagonalInertia = (1, 1, 1)
+    }
+    def PhysicsRevoluteJoint "q"
+    {
+        rel physics:body1 = </r/rod>
+    }
+}
+"#;
+
+const SPEC: &str = "name: pendulum
+limbs:
+- name: arm
+  base: {rpy: [pi/2, 0, 0]}
+  joints:
+  - {name: q1, type: revolute, body: rod, actuated: true}
+";
+
+/// A text with a part behind the first place of another one.
+fn behind(text: &str, place: &str, part: &str) -> Vec<u8> {
+    let at = text.find(place).unwrap() + place.len();
+    format!("{}{part}{}", &text[..at], &text[at..]).into_bytes()
+}
+
+fn robots() -> Vec<Plant> {
+    vec![
+        (
+            "URDF",
+            "1.urdf",
+            behind(URDF, "<robot", " oddity=\"1\""),
+            "not used in <robot>: oddity",
+        ),
+        (
+            "URDF",
+            "2.urdf",
+            behind(URDF, "xyz=\"1 0 0\"/>", "<oddity/>"),
+            "not used in <joint>: <oddity>",
+        ),
+        (
+            "URDF",
+            "3.urdf",
+            behind(URDF, "velocity=\"1\"/></joint>", "<rope_loop/>"),
+            "<rope_loop> in <robot> is not known, and may tie links together",
+        ),
+        (
+            "SDF",
+            "1.sdf",
+            behind(SDF, "<model", " oddity=\"1\""),
+            "not used in <model>: oddity",
+        ),
+        (
+            "SDF",
+            "2.sdf",
+            behind(SDF, "<mass>1</mass>", "<oddity/>"),
+            "not used in <inertial>: <oddity>",
+        ),
+        (
+            "SDF",
+            "3.sdf",
+            behind(SDF, "</axis>", "<belt/>"),
+            "<belt> in <joint> is not known, and may tie links together",
+        ),
+        (
+            "MJCF",
+            "1.xml",
+            behind(MJCF, "<joint", " oddity=\"1\""),
+            "not used in <joint>: oddity",
+        ),
+        (
+            "MJCF",
+            "2.xml",
+            behind(MJCF, "<worldbody>", "<oddity/>"),
+            "not used in <worldbody>: <oddity>",
+        ),
+        (
+            "MJCF",
+            "3.xml",
+            behind(MJCF, "</worldbody>", "<equality><oddity/></equality>"),
+            "a <oddity> equality cannot be expressed",
+        ),
+        (
+            "USD",
+            "1.usda",
+            behind(USD, "def Xform \"r\"\n{", "\n float oddity = 1"),
+            "not used in <Xform>: oddity",
+        ),
+        (
+            "USD",
+            "2.usda",
+            behind(USD, "rod>", "\n float physics:oddity = 1"),
+            "not used in <PhysicsRevoluteJoint>: physics:oddity",
+        ),
+        (
+            "USD",
+            "3.usda",
+            behind(USD, "\"PhysicsMassAPI\"", ", \"PhysxBeltAPI\""),
+            "PhysxBeltAPI is not known, and may tie",
+        ),
+    ]
+}
+
+#[test]
+fn what_is_planted_into_a_robot_file_is_told_by_import() {
+    let dir = scratch("planted_robots");
+    for (name, text) in [
+        ("r.urdf", URDF),
+        ("r.sdf", SDF),
+        ("r.xml", MJCF),
+        ("r.usda", USD),
+    ] {
+        fs::write(dir.join(name), text).unwrap();
+        let told = told(&dir, &["import", name]);
+        assert!(
+            told.contains("limbs:") && !told.contains("not used"),
+            "{told}"
+        );
+    }
+    for plant in robots() {
+        fs::write(dir.join(plant.1), &plant.2).unwrap();
+        assert_told(&dir, &["import", plant.1], &plant);
+    }
+}
+
+/// The rows of the logs.
+const ROWS: usize = 100;
+
+/// Time, position and effort of a pendulum.
+fn pendulum() -> [(&'static str, Vec<f64>); 3] {
+    let times = (0..ROWS).map(|k| k as f64 / 100.0);
+    let of = |value: fn(f64) -> f64| times.clone().map(value).collect();
+    [
+        ("t", of(|t| t)),
+        ("q1", of(|t| (7.0 * t).sin())),
+        ("tau_q1", of(|t| (7.0 * t).cos().signum() - (7.0 * t).sin())),
+    ]
+}
+
+/// A column that no quantity is read of, and its numbers.
+fn drift() -> Vec<f64> {
+    (0..ROWS).map(|k| (k * k % 37) as f64).collect()
+}
+
+fn csv(more: &str, cell: &str) -> String {
+    let [t, q, tau] = pendulum().map(|own| own.1);
+    let comma = if more.is_empty() { "" } else { "," };
+    let row = |k: usize| format!("{},{},{}{comma}{cell}\n", t[k], q[k], tau[k]);
+    format!("t,q1,tau_q1{comma}{more}\n") + &(0..ROWS).map(row).collect::<String>()
+}
+
+fn texts() -> Vec<Plant> {
+    let with = |from: &str, to: &str| csv("", "").replacen(from, to, 1).into_bytes();
+    vec![
+        (
+            "CSV",
+            "1.csv",
+            csv("oddity", "0.5").into_bytes(),
+            "oddity constant",
+        ),
+        (
+            "CSV",
+            "2.csv",
+            csv("oddity", "auto").into_bytes(),
+            "oddity text",
+        ),
+        (
+            "CSV",
+            "3.csv",
+            with("q1", "q1 [furlong]"),
+            "units that are not known here, whose columns are read as SI: `furlong` of `q1 [furlong]`",
+        ),
+        (
+            "CSV",
+            "4.csv",
+            with("tau_q1\n", "tau_q1\ns,turn,Nm\n"),
+            "1 rows cannot be read; row 2: `s` in column `t`",
+        ),
+    ]
+}
+
+fn numpy() -> Vec<Plant> {
+    let columns = pendulum();
+    let array = |numbers: &[f64]| npy("'<f8'", numbers.len(), &doubles(numbers));
+    let with = |name, bytes| {
+        let own = columns
+            .iter()
+            .map(|(name, own)| (format!("{name}.npy"), array(own)));
+        let mut all: Vec<(String, Vec<u8>)> = own.collect();
+        all.push((name, bytes));
+        let all: Vec<(&str, Vec<u8>)> = all
+            .iter()
+            .map(|own| (own.0.as_str(), own.1.clone()))
+            .collect();
+        zip(&all)
+    };
+    let record = |kind: &str, bytes: &[u8]| {
+        let fields = columns
+            .iter()
+            .map(|(name, _)| format!("('{name}', '<f8'), "));
+        let fields = format!("[{}('oddity', '{kind}')]", fields.collect::<String>());
+        let row = |k: usize| {
+            let own: Vec<f64> = columns.iter().map(|own| own.1[k]).collect();
+            [doubles(&own), bytes.to_vec()].concat()
+        };
+        npy(&fields, ROWS, &(0..ROWS).flat_map(row).collect::<Vec<u8>>())
+    };
+    let of = |text: &str| text.to_owned();
+    vec![
+        (
+            "NPY",
+            "1.npy",
+            record("S4", b"auto"),
+            "no column: `oddity` (it has texts or complex numbers)",
+        ),
+        (
+            "NPY",
+            "2.npy",
+            record("<c16", &[0; 16]),
+            "no column: `oddity` (it has texts or complex numbers)",
+        ),
+        (
+            "NPZ",
+            "1.npz",
+            with(of("oddity.npy"), npy("'<U1'", 1, &[97, 0, 0, 0])),
+            "no column: `oddity` (it has texts or complex numbers)",
+        ),
+        (
+            "NPZ",
+            "2.npz",
+            with(of("oddity.npy"), npy("'<c16'", ROWS, &vec![0; 16 * ROWS])),
+            "no column: `oddity` (it has texts or complex numbers)",
+        ),
+        (
+            "NPZ",
+            "3.npz",
+            with(of("oddity.npy"), array(&[1.0; 5])),
+            "no column: `oddity` (it has 5 numbers, and the time `t` has 100)",
+        ),
+        (
+            "NPZ",
+            "4.npz",
+            with(of("oddity.txt"), b"furlong".to_vec()),
+            "no column: `oddity.txt` (it is no array of NumPy",
+        ),
+    ]
+}
+
+fn matlab() -> Vec<Plant> {
+    let numbers = doubles(&drift());
+    let with = |own: Vec<u8>| {
+        let columns = pendulum();
+        let columns = columns
+            .iter()
+            .map(|(name, own)| variable(name, 6, ROWS as u32, &[(9, &doubles(own))]));
+        mat(&columns.chain([own]).collect::<Vec<_>>())
+    };
+    let all = ROWS as u32;
+    vec![
+        (
+            "MAT",
+            "1.mat",
+            with(variable("oddity", 4, 1, &[(4, &[97, 0])])),
+            "no column: `oddity` (it has text)",
+        ),
+        (
+            "MAT",
+            "2.mat",
+            with(variable(
+                "oddity",
+                0x806,
+                all,
+                &[(9, &numbers), (9, &numbers)],
+            )),
+            "no column: `oddity` (it has complex numbers)",
+        ),
+        (
+            "MAT",
+            "3.mat",
+            with(variable("oddity", 6, 2, &[(9, &[0; 16])])),
+            "no column: `oddity` (it has 2 x 1 numbers, and the time `t` has 100)",
+        ),
+        (
+            "MAT",
+            "4.mat",
+            with(variable("oddity", 16, 1, &[])),
+            "no column: `oddity` (it is a function or an object of MATLAB, not numbers)",
+        ),
+    ]
+}
+
+fn hdf5_files() -> Vec<Plant> {
+    let with = |unit: &str, more: Vec<(&'static str, Hdf5<'_>)>| {
+        let [t, q, tau] = pendulum().map(|own| own.1);
+        let mut all = vec![
+            ("t", Hdf5::Numbers(t, "s")),
+            ("q1", Hdf5::Numbers(q, unit)),
+            ("tau_q1", Hdf5::Numbers(tau, "N m")),
+        ];
+        all.extend(more);
+        hdf5(&all)
+    };
+    vec![
+        (
+            "HDF5",
+            "1.h5",
+            with("furlong", vec![]),
+            "read as SI: `furlong` of `q1`",
+        ),
+        (
+            "HDF5",
+            "2.h5",
+            with("rad", vec![("oddity", Hdf5::Text("auto"))]),
+            "no column: `oddity` (it has text)",
+        ),
+        (
+            "HDF5",
+            "3.h5",
+            with("rad", vec![("oddity", Hdf5::Link("/t"))]),
+            "no column: `oddity` (it is a link to another place: copy what it links to)",
+        ),
+        (
+            "HDF5",
+            "4.h5",
+            with("rad", vec![("oddity", Hdf5::Filtered(32_001))]),
+            "no column: `oddity` (it is compressed by ",
+        ),
+        (
+            "HDF5",
+            "5.h5",
+            with("rad", vec![("oddity", Hdf5::Numbers(drift(), ""))]),
+            "1 oddity unknown",
+        ),
+    ]
+}
+
+fn labview() -> Vec<Plant> {
+    let with = |unit: &str, status: &str, more: Option<Channel<'_>>| {
+        let [t, q, tau] = pendulum().map(|own| own.1);
+        let values = |all: Vec<f64>| all.iter().map(|x| x.to_le_bytes().to_vec()).collect();
+        let of_q: [(&str, &str); 2] = [("unit_string", unit), ("NI_Scaling_Status", status)];
+        let channel = |path, own, properties| Channel {
+            path,
+            kind: 10,
+            values: values(own),
+            properties,
+        };
+        let mut all = vec![
+            channel("/'arm'/'time'", t, &[]),
+            channel("/'arm'/'q1'", q, &of_q),
+            channel("/'arm'/'tau_q1'", tau, &[]),
+        ];
+        all.extend(more);
+        tdms(&all)
+    };
+    let channel = |path, kind, rows: usize, bytes: &[u8]| Channel {
+        path,
+        kind,
+        values: vec![bytes.to_vec(); rows],
+        properties: &[],
+    };
+    let words = channel("/'arm'/'oddity'", 0x20, ROWS, b"auto");
+    let complex = channel("/'arm'/'oddity'", 0x0010_000d, ROWS, &[0; 16]);
+    let other = channel("/'slow'/'oddity'", 10, 7, &[0; 8]);
+    let unread =
+        "no column: `arm/oddity` (it has text, complex numbers or numbers of extended precision)";
+    vec![
+        (
+            "TDMS",
+            "1.tdms",
+            with("furlong", "", None),
+            "read as SI: `furlong` of `arm/q1`",
+        ),
+        (
+            "TDMS",
+            "2.tdms",
+            with("rad", "unscaled", None),
+            "no column: `arm/q1` (it has raw values, and their scaling is not applied here",
+        ),
+        ("TDMS", "3.tdms", with("rad", "", Some(words)), unread),
+        ("TDMS", "4.tdms", with("rad", "", Some(complex)), unread),
+        (
+            "TDMS",
+            "5.tdms",
+            with("rad", "", Some(other)),
+            "no column: `slow/oddity` (it has 7 numbers, and the time `arm/time` has 100)",
+        ),
+    ]
+}
+
+fn measurements() -> Vec<Plant> {
+    // time, position, effort, and another channel with a conversion, a unit and flags
+    let with = |kind: Option<u8>, unit: &str, flags: u32, has_clock: bool| {
+        let mut columns = pendulum().map(|own| own.1).to_vec();
+        columns.push(drift());
+        let rows: Vec<Vec<f64>> = (0..ROWS)
+            .map(|k| columns.iter().map(|own| own[k]).collect())
+            .collect();
+        mdf(|blocks: &mut Mdf| {
+            let conversion = kind.map_or(0, |kind| blocks.conversion(kind));
+            let unit = blocks.text(unit);
+            let oddity = blocks.channel((0, "oddity"), 24, [conversion, 0], flags);
+            let tau = blocks.channel((oddity, "tau_q1"), 16, [0; 2], 0);
+            let q = blocks.channel((tau, "q1"), 8, [0, unit], 0);
+            let t = blocks.channel((q, "t"), 0, [0; 2], 0);
+            let slow = if has_clock {
+                let heat = blocks.channel((0, "heat"), 8, [0; 2], 0);
+                let t = blocks.channel((heat, "t"), 0, [0; 2], 0);
+                blocks.group(
+                    0,
+                    "slow",
+                    t,
+                    &[vec![0.0, 40.0], vec![0.5, 41.0], vec![1.0, 40.0]],
+                )
+            } else {
+                0
+            };
+            blocks.group(slow, "arm", t, &rows)
+        })
+    };
+    vec![
+        (
+            "MDF",
+            "1.mf4",
+            with(Some(3), "rad", 0, false),
+            "no column: `arm/oddity` (its conversion is a formula)",
+        ),
+        (
+            "MDF",
+            "2.mf4",
+            with(Some(9), "rad", 0, false),
+            "no column: `arm/oddity` (its conversion is to or from text)",
+        ),
+        (
+            "MDF",
+            "3.mf4",
+            with(None, "furlong", 0, false),
+            "read as SI: `furlong` of `arm/q1`",
+        ),
+        (
+            "MDF",
+            "4.mf4",
+            with(None, "rad", 1, false),
+            "no column: `arm/oddity` (the file says that none of its values is valid)",
+        ),
+        (
+            "MDF",
+            "5.mf4",
+            with(None, "rad", 0, true),
+            "the columns have 2 clocks, and are joined by time: `arm/t`, `slow/t`",
+        ),
+    ]
+}
+
+const JOINT_STATE: &str = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
+
+fn recordings() -> Vec<Plant> {
+    let stamp = |k: usize| k as u64 * 10_000_000;
+    let states = |shift: u64, joint: &str| {
+        let [_, q, tau] = pendulum().map(|own| own.1);
+        let message = |k: usize| {
+            let time = stamp(k) + shift;
+            (time, joint_state(time, &[(joint, q[k], tau[k])]))
+        };
+        (0..ROWS).map(message).collect::<Vec<_>>()
+    };
+    let topic = |name, kind, definition, messages| Topic {
+        name,
+        kind,
+        definition,
+        messages,
+    };
+    let kind = "sensor_msgs/msg/JointState";
+    let own = || topic("/joint_states", kind, JOINT_STATE, states(0, "q1"));
+    let with = |other: Topic<'_>| mcap(&[own(), other]);
+    let word = vec![(5, vec![0, 1, 0, 0, 7, 0, 0, 0])];
+    let mut both = states(0, "q1");
+    both.extend(states(3_000_000, "oddity"));
+    vec![
+        (
+            "MCAP",
+            "1.mcap",
+            with(topic(
+                "/oddity",
+                "std_msgs/msg/UInt32",
+                "uint32 data",
+                word.clone(),
+            )),
+            "no column: `/oddity (std_msgs/msg/UInt32, 1 message)` (another topic is read, /joint_states)",
+        ),
+        (
+            "MCAP",
+            "2.mcap",
+            with(topic("/oddity", "odd/msg/Thing", "", word)),
+            "no column: `/oddity (odd/msg/Thing, 1 message)` (another topic is read",
+        ),
+        (
+            "MCAP",
+            "3.mcap",
+            with(topic("/oddity", kind, JOINT_STATE, states(0, "q1"))),
+            "several topics have joint states, so one must be named",
+        ),
+        (
+            "MCAP",
+            "4.mcap",
+            mcap(&[topic("/joint_states", kind, JOINT_STATE, both)]),
+            "the columns have 2 clocks, and are joined by time",
+        ),
+    ]
+}
+
+#[test]
+fn what_is_planted_into_a_log_is_told_by_inspect() {
+    let dir = scratch("planted_logs");
+    let plants = [
+        texts(),
+        numpy(),
+        matlab(),
+        hdf5_files(),
+        labview(),
+        measurements(),
+        recordings(),
+    ];
+    let plants = plants.concat();
+    for plant in &plants {
+        fs::write(dir.join(plant.1), &plant.2).unwrap();
+        assert_told(&dir, &["inspect", plant.1], plant);
+    }
+    for (name, words, lists, expected) in [
+        ("1.parquet", &["oddity"][..], &[][..], "4 oddity text"),
+        ("2.parquet", &[], &["oddity"], "4 oddity.1 text"),
+    ] {
+        parquet(&dir.join(name), &pendulum(), words, lists);
+        assert_told(
+            &dir,
+            &["inspect", name],
+            &("Parquet", name, Vec::new(), expected),
+        );
+    }
+    parquet(
+        &dir.join("3.parquet"),
+        &[&pendulum()[..], &[("oddity", drift())]].concat(),
+        &[],
+        &[],
+    );
+    let odd = ("Parquet", "3.parquet", Vec::new(), "4 oddity unknown");
+    assert_told(&dir, &["inspect", "3.parquet"], &odd);
+    // nothing is told of a log that has nothing besides
+    fs::write(dir.join("plain.csv"), csv("", "")).unwrap();
+    let plain = told(&dir, &["inspect", "plain.csv"]);
+    assert!(
+        !plain.contains("no column") && !plain.contains("units that"),
+        "{plain}"
+    );
+    let formats: std::collections::BTreeSet<&str> =
+        plants.iter().chain(&robots()).map(|own| own.0).collect();
+    assert!(
+        plants.len() + robots().len() >= 40 && formats.len() >= 10,
+        "{formats:?}"
+    );
+}
+
+#[test]
+fn what_is_planted_into_descriptions_and_experiment_files_is_an_error_with_its_place() {
+    let dir = scratch("planted_keys");
+    fs::write(dir.join("spec.yaml"), SPEC).unwrap();
+    fs::write(dir.join("run.csv"), csv("", "")).unwrap();
+    let run = "runs:\n- {files: [run.csv]}\n";
+    for (name, text, words, expected) in [
+        (
+            "1.yaml",
+            SPEC.to_owned() + "oddity: 1\n",
+            &["info", "1.yaml"][..],
+            "1.yaml:7:1",
+        ),
+        (
+            "2.yaml",
+            SPEC.replace("actuated: true", "actuated: true, oddity: 1"),
+            &["info", "2.yaml"],
+            "oddity",
+        ),
+        (
+            "3.yaml",
+            format!("{run}oddity: 1\n"),
+            &["identify", "spec.yaml", "3.yaml"],
+            "3.yaml:3",
+        ),
+        (
+            "4.yaml",
+            run.replace("]}", "], oddity: 1}"),
+            &["inspect", "4.yaml"],
+            "4.yaml:2:22",
+        ),
+    ] {
+        fs::write(dir.join(name), text).unwrap();
+        let told = told(&dir, words);
+        assert!(
+            told.contains(expected) && told.contains("oddity"),
+            "{name}: {told}"
+        );
+    }
+    // the loops of a URDF file in a file beside it
+    let twin = URDF.replace("</robot>", "<link name=\"a\"/><link name=\"b\"/></robot>");
+    let twin = twin.replace(
+        "<link name=\"a\"/>",
+        "<link name=\"a\"/><joint name=\"fa\" type=\"fixed\"><parent link=\"base\"/><child link=\"a\"/></joint>\
+         <joint name=\"fb\" type=\"fixed\"><parent link=\"rod\"/><child link=\"b\"/></joint>",
+    );
+    fs::write(dir.join("r.urdf"), twin).unwrap();
+    let loops = "closed_loop: [[a, b]]\ntype: ['3d']\n";
+    fs::write(dir.join("robot.yaml"), format!("{loops}oddity: 1\n")).unwrap();
+    let beside = told(&dir, &["import", "r.urdf"]);
+    assert!(
+        beside.contains("robot.yaml:3:1: not used in robot.yaml: oddity"),
+        "{beside}"
+    );
+}
+
+#[test]
+fn a_unit_that_a_file_states_is_not_read_as_another_one() {
+    let dir = scratch("planted_units");
+    fs::write(dir.join("spec.yaml"), SPEC).unwrap();
+    let [t, q, tau] = pendulum().map(|own| own.1);
+    let degrees = q.iter().map(|q| q.to_degrees()).collect();
+    let file = |q, unit| {
+        hdf5(&[
+            ("t", Hdf5::Numbers(t.clone(), "s")),
+            ("q1", Hdf5::Numbers(q, unit)),
+            ("tau_q1", Hdf5::Numbers(tau.clone(), "Nm")),
+        ])
+    };
+    fs::write(dir.join("rad.h5"), file(q, "rad")).unwrap();
+    fs::write(dir.join("deg.h5"), file(degrees, "degrees")).unwrap();
+    let run = |words: &[&str]| regen(&dir, &[&["identify", "spec.yaml"], words].concat());
+    let refused = run(&["deg.h5"]).ended(3).err;
+    assert!(
+        refused.contains("`q1` is in deg") && refused.contains("q1=q1:deg"),
+        "{refused}"
+    );
+    let values = |words: &[&str]| {
+        let found = run(&[words, &["--format", "json"]].concat())
+            .ended(0)
+            .json();
+        let all = found["parameters"].as_array().unwrap().iter();
+        all.map(|own| own["value"].as_f64().unwrap())
+            .collect::<Vec<f64>>()
+    };
+    let (one, other) = (
+        values(&["rad.h5"]),
+        values(&["deg.h5", "--column", "q1=q1:deg"]),
+    );
+    assert_eq!(one.len(), other.len());
+    for (one, other) in one.iter().zip(&other) {
+        // the angles differ by rounding, which differences of a hundredth of a second enlarge
+        assert!(
+            (one - other).abs() < 1e-6 * one.abs().max(1e-3),
+            "{one} {other}"
+        );
+    }
+    // inspect proposes the unit
+    let found = told(&dir, &["inspect", "deg.h5", "--format", "json"]);
+    assert!(found.contains("unit: deg"), "{found}");
+}
