@@ -321,14 +321,14 @@ fn as_call<T>(
 }
 
 /// Applies `run` to the call of this thread; `None` if the command runs from a command line.
-fn with<T>(run: impl FnOnce(&mut Running) -> T) -> Option<T> {
+fn in_running_call<T>(run: impl FnOnce(&mut Running) -> T) -> Option<T> {
     RUNNING.with_borrow_mut(|running| running.as_mut().map(run))
 }
 
 /// Unwinds out of a call that was stopped. Every report of progress, messages and results checks
 /// this.
 pub(crate) fn leave_if_stopped() {
-    if with(|call| call.shared.stop.load(Ordering::Relaxed)) == Some(true) {
+    if in_running_call(|call| call.shared.stop.load(Ordering::Relaxed)) == Some(true) {
         resume_unwind(Box::new(Stopped));
     }
 }
@@ -336,12 +336,12 @@ pub(crate) fn leave_if_stopped() {
 /// Adds to the printed text of a call; returns whether there is a call.
 pub(crate) fn print(text: &str) -> bool {
     leave_if_stopped();
-    with(|call| call.printed.push_str(text)).is_some()
+    in_running_call(|call| call.printed.push_str(text)).is_some()
 }
 
 /// Stores a text that would be written to a path; returns whether the call stores such texts.
 pub(crate) fn store(path: &Path, text: &str) -> bool {
-    let stored = with(|call| {
+    let stored = in_running_call(|call| {
         let files = call.files.as_mut()?;
         files.insert(path.to_owned(), text.to_owned());
         Some(())
@@ -352,13 +352,13 @@ pub(crate) fn store(path: &Path, text: &str) -> bool {
 /// Adds a message of a call; returns whether there is a call.
 pub(crate) fn note(text: &str) -> bool {
     leave_if_stopped();
-    with(|call| lock(&call.shared.notes).push(text.to_owned())).is_some()
+    in_running_call(|call| lock(&call.shared.notes).push(text.to_owned())).is_some()
 }
 
 /// A progress bar that the caller can read; `None` without a call.
 pub(crate) fn bar(length: Option<u64>) -> Option<ProgressBar> {
     leave_if_stopped();
-    with(|call| {
+    in_running_call(|call| {
         let bar = ProgressBar::hidden();
         if let Some(length) = length {
             bar.set_length(length);
@@ -372,10 +372,10 @@ pub(crate) fn bar(length: Option<u64>) -> Option<ProgressBar> {
 
 /// The flag that stops a call.
 pub(crate) fn flag() -> Option<Arc<AtomicBool>> {
-    with(|call| call.shared.stop.clone())
+    in_running_call(|call| call.shared.stop.clone())
 }
 
 /// The text that a call provides in place of a file.
 pub(crate) fn text(path: &Path) -> Option<String> {
-    with(|call| call.texts.get(path).cloned()).flatten()
+    in_running_call(|call| call.texts.get(path).cloned()).flatten()
 }

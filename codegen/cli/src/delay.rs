@@ -51,7 +51,7 @@ pub(crate) fn tried(other: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Opt
 
 /// The reading options with `auto` replaced by the delays that least squares finds from the logs, and
 /// these delays, for commands that do not identify; the options as they are without `auto`.
-pub(crate) fn found_for(
+pub(crate) fn with_found_delays(
     reading: &ReadingArgs,
     session: &Session<'_, Interpreted<'_>>,
     logs: &[Run],
@@ -69,7 +69,7 @@ pub(crate) fn found_for(
 
 /// The same of the logs of a model that is read from a file; refused where their gains or payloads are not
 /// known without it.
-pub(crate) fn of_named(
+pub(crate) fn with_found_delays_of_model(
     reading: &ReadingArgs,
     model: &Interpreted<'_>,
     logs: &[Run],
@@ -81,5 +81,5 @@ pub(crate) fn of_named(
                     --delay NAME=S";
         return Err(Failure::Usage(text.to_owned()));
     }
-    found_for(reading, &observe::session(model, reading), logs)
+    with_found_delays(reading, &observe::session(model, reading), logs)
 }

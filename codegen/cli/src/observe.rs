@@ -39,7 +39,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
         choice::made(&mut args.reading, &session, &mut args.logs, open)?
     };
     let (reading, corrected_delays) =
-        delay::found_for(&args.reading, &session(&model, &args.reading), &args.logs)?;
+        delay::with_found_delays(&args.reading, &session(&model, &args.reading), &args.logs)?;
     args.reading = reading;
     let mut logs = open(&model, &args.logs, &args.reading)?;
     let (set, left_out) = observe(&model, kind(&args.reading), &mut logs)?;

@@ -96,7 +96,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
             args.params.display()
         ))
     })?;
-    args.reading = delay::of_named(&args.reading, &model, &args.logs)?.0;
+    args.reading = delay::with_found_delays_of_model(&args.reading, &model, &args.logs)?.0;
     observe::require_consistent(&args.reading)?;
     let runs: Vec<Run> = args.logs.iter().chain(&args.against).cloned().collect();
     let mut session = loads::scaled(&model, &args.reading, &identified);

@@ -87,7 +87,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     observe::require_base(&model, &robot.name)?;
     let first = parameters::read(&args.params, &model)?;
     let filter = choice::repeat_or_make(&mut args.reading, &model, &first, &mut args.logs)?;
-    let (reading, corrected_delays) = delay::of_named(&args.reading, &model, &args.logs)?;
+    let (reading, corrected_delays) =
+        delay::with_found_delays_of_model(&args.reading, &model, &args.logs)?;
     args.reading = reading;
     let kind = observe::kind(&args.reading);
     let files: Vec<&PathBuf> = std::iter::once(&args.params).chain(&args.beside).collect();

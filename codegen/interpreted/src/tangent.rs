@@ -73,7 +73,7 @@ fn chain<const N: usize>(mut x: Tangent<N>, value: f64, slope: f64) -> Tangent<N
 /// A function of two numbers by the chain rule: `value` is f(a, b), and `rate` maps the derivatives
 /// of a and b in one direction to that of f.
 #[inline(always)]
-fn both<const N: usize>(
+fn by_chain_rule<const N: usize>(
     mut a: Tangent<N>,
     b: &Tangent<N>,
     value: f64,
@@ -124,22 +124,22 @@ impl<const N: usize> Register for Tangent<N> {
     }
     #[inline(always)]
     fn add(self, b: Self, (): ()) -> Self {
-        both(self, &b, self.value + b.value, |a, b| a + b)
+        by_chain_rule(self, &b, self.value + b.value, |a, b| a + b)
     }
     #[inline(always)]
     fn sub(self, b: Self, (): ()) -> Self {
-        both(self, &b, self.value - b.value, |a, b| a - b)
+        by_chain_rule(self, &b, self.value - b.value, |a, b| a - b)
     }
     #[inline(always)]
     fn mul(self, b: Self, (): ()) -> Self {
         let (x, y) = (self.value, b.value);
-        both(self, &b, x * y, |a, b| a * y + x * b)
+        by_chain_rule(self, &b, x * y, |a, b| a * y + x * b)
     }
     #[inline(always)]
     fn div(self, b: Self, (): ()) -> Self {
         let y = b.value;
         let quotient = self.value / y;
-        both(self, &b, quotient, |a, b| (a - quotient * b) / y)
+        by_chain_rule(self, &b, quotient, |a, b| (a - quotient * b) / y)
     }
     one_state!();
 }

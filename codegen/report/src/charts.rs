@@ -88,7 +88,7 @@ fn px(length: u32) -> u32 {
 }
 
 /// A point of the page, given in px, in drawing units.
-fn at(x: u32, y: u32) -> (i32, i32) {
+fn point(x: u32, y: u32) -> (i32, i32) {
     let place = |v: u32| i32::try_from(px(v)).unwrap_or(i32::MAX);
     (place(x), place(y))
 }
@@ -151,20 +151,24 @@ fn legend(area: &Area<'_>, left: u32, entries: &[(String, Sign)]) -> Drawn {
     for ((text, sign), (x, y)) in entries.iter().zip(places) {
         match sign {
             Sign::Line(dye) => {
-                let ends = vec![at(x, y), at(x + 18, y)];
+                let ends = vec![point(x, y), point(x + 18, y)];
                 area.draw(&PathElement::new(ends, dye.stroke_width(px(2))))?;
             }
-            Sign::Dot(dye) => area.draw(&Circle::new(at(x + 9, y), px(3), dye.filled()))?,
+            Sign::Dot(dye) => area.draw(&Circle::new(point(x + 9, y), px(3), dye.filled()))?,
             Sign::Ring(dye) => {
-                area.draw(&Circle::new(at(x + 9, y), px(4), dye.stroke_width(px(1))))?;
+                area.draw(&Circle::new(
+                    point(x + 9, y),
+                    px(4),
+                    dye.stroke_width(px(1)),
+                ))?;
             }
             Sign::Band(dye) => {
-                let corners = [at(x, y.saturating_sub(6)), at(x + 18, y + 6)];
+                let corners = [point(x, y.saturating_sub(6)), point(x + 18, y + 6)];
                 area.draw(&Rectangle::new(corners, pale(*dye)))?;
             }
         }
         let style = letters().pos(Pos::new(HPos::Left, VPos::Center));
-        area.draw_text(text, &style, at(x + 24, y))?;
+        area.draw_text(text, &style, point(x + 24, y))?;
     }
     Ok(())
 }
@@ -410,7 +414,7 @@ pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, ReportError
             }
             let (x, y) = chart.backend_coord(&(lo, k as f64 + 0.5));
             let style = letters().pos(Pos::new(HPos::Right, VPos::Center));
-            area.draw_text(&row.label, &style, (x - at(6, 0).0, y))?;
+            area.draw_text(&row.label, &style, (x - point(6, 0).0, y))?;
         }
         let line = [(bound, 0.0), (bound, rows.len() as f64)];
         let style = RED.stroke_width(px(3) / 2);

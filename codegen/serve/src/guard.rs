@@ -52,7 +52,7 @@ impl Guard {
             return Err(Answer::refused(403, "the origin is not this server's page"));
         }
         let given = request.token.as_deref().or(request.asked("token"));
-        if !given.is_some_and(|given| same(given, &self.token)) {
+        if !given.is_some_and(|given| equal_in_constant_time(given, &self.token)) {
             let why = "the address lacks its token: use the one that `regen serve` printed";
             return Err(Answer::refused(403, why));
         }
@@ -61,7 +61,7 @@ impl Guard {
 }
 
 /// Whether two texts are equal, in a time that does not depend on how many characters agree.
-fn same(a: &str, b: &str) -> bool {
+fn equal_in_constant_time(a: &str, b: &str) -> bool {
     let differences = a
         .bytes()
         .zip(b.bytes())

@@ -166,7 +166,7 @@ impl<T: Real, const P: usize, const B: usize> NaturalLaw<T, P, B> {
         let mut factors = self.factors;
         for (factor, body) in factors.iter_mut().zip(&self.set.bodies) {
             let gradient = dual(&inertial(&next, body));
-            *factor = moved(factor, &gradient, self.gain);
+            *factor = factor_after_step(factor, &gradient, self.gain);
             let matrix = from_fn(|i| from_fn(|k| crate::triangle::dot(&factor[i], &factor[k])));
             for (at, value) in body.iter().zip(parameters(&matrix)) {
                 if let Some(entry) = values.get_mut(*at) {
@@ -214,7 +214,11 @@ fn dual<T: Real>(b: &[T; 10]) -> [[T; 4]; 4] {
 }
 
 /// F exp(X / 2) with X = -gain F^T L F, shortened to norm 1.
-fn moved<T: Real>(factor: &[[T; 4]; 4], gradient: &[[T; 4]; 4], gain: T) -> [[T; 4]; 4] {
+fn factor_after_step<T: Real>(
+    factor: &[[T; 4]; 4],
+    gradient: &[[T; 4]; 4],
+    gain: T,
+) -> [[T; 4]; 4] {
     let turned: [[T; 4]; 4] = from_fn(|i| from_fn(|k| factor[k][i]));
     let mut x = product(&product(&turned, gradient), factor);
     let sums = x.map(|row| row.into_iter().fold(T::ZERO, |sum, x| sum + Scalar::abs(x)));

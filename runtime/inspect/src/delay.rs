@@ -81,10 +81,11 @@ pub fn delays_by_model<M: BaseModel<f64> + ?Sized>(
         .map(|(run, log)| beginning(run, log, rows))
         .collect();
     let given = session.reading.delays.clone();
-    let Some((fast, settled)) = found(session, &runs, 1.0, given, ROUNDS) else {
+    let Some((fast, settled)) = delays_at_cutoff(session, &runs, 1.0, given, ROUNDS) else {
         return;
     };
-    let Some((slow, _)) = found(session, &runs, CUTOFF_PART, settled, SLOW_ROUNDS) else {
+    let Some((slow, _)) = delays_at_cutoff(session, &runs, CUTOFF_PART, settled, SLOW_ROUNDS)
+    else {
         return;
     };
     let together: Vec<Found> = slow
@@ -136,7 +137,7 @@ type Corrected = Vec<(String, f64)>;
 /// that were corrected.
 ///
 /// - `given`: the delays to begin with; `rounds`: the largest number of corrections.
-fn found<M: BaseModel<f64> + ?Sized>(
+fn delays_at_cutoff<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     runs: &[Run],
     part: f64,

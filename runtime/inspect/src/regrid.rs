@@ -115,7 +115,7 @@ impl Regrid {
             let from = near.saturating_sub(SIDE);
             let around = &self.rows[from..(near + SIDE + 1).min(self.rows.len())];
             let places: Vec<f64> = around.iter().map(|r| (r.1 - time) / self.step).collect();
-            let factors = moved(&places, (at - time) / self.step);
+            let factors = shift_factors(&places, (at - time) / self.step);
             let mut out = values.clone();
             for (factor, (_, _, values)) in factors.iter().zip(around) {
                 for (out, value) in out.iter_mut().zip(values) {
@@ -140,7 +140,7 @@ impl Regrid {
 /// fits them best at 0 and at another place; empty with too few rows.
 ///
 /// - `places`: where the rows are.
-fn moved(places: &[f64], from: f64) -> Vec<f64> {
+fn shift_factors(places: &[f64], from: f64) -> Vec<f64> {
     if places.len() < MIN_ROWS {
         return Vec::new();
     }

@@ -34,7 +34,7 @@ pub(crate) fn truth(joints: &[JointFit]) -> (Vec<String>, Vec<f64>) {
 
 /// The values of an estimate in the order of [`truth`], with their intervals; NaN for values that the
 /// estimate lacks.
-pub(crate) fn found(
+pub(crate) fn estimated(
     joints: &[JointFit],
     model: &IdentifiedModel,
 ) -> (Vec<f64>, Vec<Option<Interval>>) {
@@ -101,11 +101,11 @@ mod tests {
             ("Fs(q1)", "Fc(q3)")
         );
         assert_eq!((values[0], values[9]), (1.0, 2.0));
-        let (values, intervals) = found(&joints, &model);
+        let (values, intervals) = estimated(&joints, &model);
         assert_eq!((values[4], values[5]), (8.0, 7.0));
         assert!(intervals[..5].iter().all(Option::is_some));
         assert!(intervals[5..].iter().all(Option::is_none));
-        let (values, intervals) = found(&joints, &IdentifiedModel::default());
+        let (values, intervals) = estimated(&joints, &IdentifiedModel::default());
         assert!(values.iter().all(|x| x.is_nan()) && intervals.iter().all(Option::is_none));
     }
 }

@@ -99,7 +99,8 @@ impl Score {
         });
         let (fewest, most) = counts_by_chance(fits.len(), confidence);
         let pairs = labels.iter().zip(truth).enumerate();
-        let parameters = pairs.map(|(k, (label, truth))| one(label, *truth, k, &fits, fewest));
+        let parameters =
+            pairs.map(|(k, (label, truth))| parameter_score(label, *truth, k, &fits, fewest));
         let parameters: Vec<ParameterScore> = parameters.collect();
         let percent = |count: usize, of: usize| (of > 0).then(|| 100.0 * count as f64 / of as f64);
         let all = parameters.len() * fits.len();
@@ -147,7 +148,13 @@ fn percent_of(error: f64, truth: f64) -> Option<f64> {
 
 /// The score of the parameter with the index `k`; it is low if fewer than `fewest` intervals contain
 /// the truth.
-fn one(label: &str, truth: f64, k: usize, fits: &[&Fit], fewest: usize) -> ParameterScore {
+fn parameter_score(
+    label: &str,
+    truth: f64,
+    k: usize,
+    fits: &[&Fit],
+    fewest: usize,
+) -> ParameterScore {
     let values = || fits.iter().filter_map(|fit| fit.values.get(k).copied());
     let rms = mean(values().map(|x| (x - truth) * (x - truth))).map(f64::sqrt);
     let known: Vec<_> = fits

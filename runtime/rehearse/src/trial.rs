@@ -111,7 +111,7 @@ where
             Some(fresh) => self.error_of(&session, fresh, &found)?,
             None => None,
         };
-        let friction = friction::found(&self.sought_friction(), &found);
+        let friction = friction::estimated(&self.sought_friction(), &found);
         let loads = self.loads.as_ref().map(|loads| loads.found(&found));
         let (mut values, mut intervals) = (found.beta, found.intervals.base);
         intervals.resize(values.len(), None);

@@ -31,7 +31,7 @@ use regen_runtime::{BaseModel, SizeError};
 
 use crate::Number;
 use crate::departure::{self, Departure};
-use crate::rounds::{Round, RoundKind, Rounds, Simulated, is_same, moved};
+use crate::rounds::{Round, RoundKind, Rounds, Simulated, deviations_from, is_same};
 
 /// The efforts of a run, and the control loop that produced them.
 #[derive(Clone, Copy)]
@@ -238,7 +238,7 @@ where
     let mut damping = 0.0;
     loop {
         let found = rounds.estimate(&mut now, &values)?;
-        let moved = moved(&found, &values)?;
+        let moved = deviations_from(&found, &values)?;
         let before = norms.last().copied();
         norms.push(found.relative_absolute);
         let quiet = before.is_some_and(|b| {

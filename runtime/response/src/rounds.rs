@@ -383,7 +383,7 @@ pub(super) fn is_same(found: &[f64], values: &[f64]) -> bool {
 
 /// The difference of an estimate and values in standard deviations, as the root mean square over all
 /// directions.
-pub(super) fn moved(found: &Round, values: &[f64]) -> Result<f64, DidimError> {
+pub(super) fn deviations_from(found: &Round, values: &[f64]) -> Result<f64, DidimError> {
     let n = values.len().max(1) as f64;
     let (rows, factor) = (found.factor.rows(), &found.factor);
     let spare = rows.saturating_sub(values.len()).max(1) as f64;

@@ -125,7 +125,7 @@ where
             loop {
                 let step = self.step(&at, &weights, damping)?;
                 let small = step.deviations < TOLERANCE_DEVIATIONS;
-                let (next_windows, next_shared) = moved(&windows, &shared, &step);
+                let (next_windows, next_shared) = after_step(&windows, &shared, &step);
                 // the cost of a candidate that cannot be simulated is infinite
                 let next = self.evaluate(signals, &next_windows, &next_shared)?.ok();
                 refused += usize::from(next.is_none());
@@ -412,7 +412,7 @@ impl Reduced {
 }
 
 /// The candidate after a step.
-fn moved(windows: &[Window], shared: &[f64], step: &Step) -> (Vec<Window>, Vec<f64>) {
+fn after_step(windows: &[Window], shared: &[f64], step: &Step) -> (Vec<Window>, Vec<f64>) {
     let shared = shared.iter().zip(&step.shared).map(|(x, d)| x + d);
     let windows = windows.iter().zip(&step.own).map(|(window, step)| {
         let mut window = window.clone();

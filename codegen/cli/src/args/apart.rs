@@ -46,11 +46,11 @@ pub(super) fn outputs(parsed: &ArgMatches) -> Result<Vec<PathBuf>, Failure> {
         list.extend(values.map(|value| (id.as_str().to_owned(), PathBuf::from(value))));
     }
     for (place, (name, path)) in written.iter().enumerate() {
-        let own = whole(path);
+        let own = resolved(path);
         let before = written.iter().take(place);
         if let Some((other, _)) = before
             .clone()
-            .find(|(_, other)| same(own.as_deref(), other))
+            .find(|(_, other)| is_same_file(own.as_deref(), other))
         {
             return Err(Failure::Usage(format!(
                 "--{other} and --{name} would both write {}: give each a file of its own",
@@ -67,8 +67,8 @@ pub(crate) fn require_unread<'p>(
     output: &Path,
     mut read: impl Iterator<Item = &'p Path>,
 ) -> Result<(), Failure> {
-    let own = whole(output);
-    match read.find(|other| other.is_file() && same(own.as_deref(), other)) {
+    let own = resolved(output);
+    match read.find(|other| other.is_file() && is_same_file(own.as_deref(), other)) {
         None => Ok(()),
         Some(_) => Err(Failure::Usage(format!(
             "{} would be read and overwritten: write to another file",
@@ -79,7 +79,7 @@ pub(crate) fn require_unread<'p>(
 
 /// A path without links, relative parts and the present folder; `None` for what is no file, such as a
 /// folder, a pipe or a device.
-fn whole(path: &Path) -> Option<PathBuf> {
+fn resolved(path: &Path) -> Option<PathBuf> {
     if path.exists() {
         return path.canonicalize().ok().filter(|_| path.is_file());
     }
@@ -94,6 +94,6 @@ fn whole(path: &Path) -> Option<PathBuf> {
     Some(folder.join(name))
 }
 
-fn same(own: Option<&Path>, other: &Path) -> bool {
-    own.is_some_and(|own| whole(other).as_deref() == Some(own))
+fn is_same_file(own: Option<&Path>, other: &Path) -> bool {
+    own.is_some_and(|own| resolved(other).as_deref() == Some(own))
 }

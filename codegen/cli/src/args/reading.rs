@@ -81,7 +81,7 @@ pub(crate) struct ReadingArgs {
     pub(crate) payload: Option<PayloadArg>,
     /// The standard deviation of a measured coordinate, which weights it if more are
     /// measured than needed: NAME=VALUE
-    #[arg(long, value_name = "NAME=VALUE", value_parser = named, hide_short_help = true)]
+    #[arg(long, value_name = "NAME=VALUE", value_parser = name_and_number, hide_short_help = true)]
     pub(crate) deviation: Vec<(String, f64)>,
     /// The treatment of faulty rows [default: fail, but short gaps and repeated rows
     /// are bridged, and long ones divide the log]
@@ -171,7 +171,7 @@ impl std::str::FromStr for DelayArg {
         if text == "auto" {
             return Ok(Self::Auto);
         }
-        let (name, seconds) = named(text)?;
+        let (name, seconds) = name_and_number(text)?;
         if !seconds.is_finite() {
             return Err(format!("{seconds} is not a finite number of seconds"));
         }
@@ -234,7 +234,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-fn named(text: &str) -> Result<(String, f64), String> {
+fn name_and_number(text: &str) -> Result<(String, f64), String> {
     let (name, value) = text.split_once('=').ok_or("NAME=VALUE is needed")?;
     let value = value.trim().parse().map_err(|e| format!("{value}: {e}"))?;
     Ok((name.trim().to_owned(), value))

@@ -42,7 +42,7 @@ pub(super) fn inverse(a: u64) -> u64 {
 
 /// The residue of a finite `f64`, exactly: an integer times a power of two. A pseudorandom number
 /// for other values.
-pub(super) fn of(c: f64) -> u64 {
+pub(super) fn residue(c: f64) -> u64 {
     let bits = c.to_bits();
     let fraction = bits & ((1 << 52) - 1);
     let exponent = (bits >> 52) & 0x7ff;
@@ -91,15 +91,18 @@ mod tests {
 
     #[test]
     fn doubles_are_exact() {
-        assert_eq!(of(3.0), 3);
-        assert_eq!(of(-3.0), neg(3));
-        assert_eq!(mul(of(0.375), 8), 3);
-        assert_eq!(of(0.0), 0);
+        assert_eq!(residue(3.0), 3);
+        assert_eq!(residue(-3.0), neg(3));
+        assert_eq!(mul(residue(0.375), 8), 3);
+        assert_eq!(residue(0.0), 0);
         // a sum of very different sizes, without rounding
-        assert_eq!(add(of(1e15), of(0.125)), of(1e15 + 0.125));
+        assert_eq!(add(residue(1e15), residue(0.125)), residue(1e15 + 0.125));
         let least = f64::from_bits(1);
-        assert_eq!(add(of(least), of(least)), of(2.0 * least));
-        assert_eq!(mul(of(f64::MAX), 2), add(of(f64::MAX), of(f64::MAX)));
+        assert_eq!(add(residue(least), residue(least)), residue(2.0 * least));
+        assert_eq!(
+            mul(residue(f64::MAX), 2),
+            add(residue(f64::MAX), residue(f64::MAX))
+        );
     }
 
     #[test]

@@ -163,7 +163,7 @@ impl RandomValues {
             Operand::Input { argument, element } => {
                 field::drawn(((argument as u64) << 32) + element as u64, self.draw)
             }
-            Operand::Constant(c) => field::of(c),
+            Operand::Constant(c) => field::residue(c),
             Operand::Temp(t) => self.temps[t.0 as usize],
         }
     }

@@ -13,24 +13,26 @@ use crate::intervals::Random;
 use regen_runtime::Friction;
 use regen_runtime::friction::SHAPES;
 
-/// The number of shapes of the grid in each direction, for a law with two shape parameters and for one with one.
+/// The number of shapes of the grid in each direction, for a law with two shape parameters.
 const GRID: [usize; SHAPES] = [16, 5];
+/// The number of shapes of the grid for a law with one shape parameter.
 const GRID_OF_ONE: usize = 24;
-/// The number of shapes that a round adds, and the largest number of rounds.
-const OF_ROUND: usize = 40;
+/// The number of shapes that each round draws.
+const SHAPES_PER_ROUND: usize = 40;
+/// The largest number of rounds.
 const MAX_ROUNDS: usize = 8;
-/// The search for shapes ends when as many independent ones count.
-const ENOUGH: f64 = 30.0;
-/// So many count at least: as long as fewer do, the likelihood is taken for wider than it is.
-const FEWEST: f64 = 8.0;
-/// The largest factor by which the noise is taken for larger, as a power of two.
+/// The search ends when the weights are worth as many independent shapes as this (their effective number).
+const ENOUGH_SHAPES: f64 = 30.0;
+/// While the weights are worth fewer shapes, the noise is taken for larger than it is, which spreads the weights.
+const FEWEST_SHAPES: f64 = 8.0;
+/// How often the variance of the noise is doubled for that at most.
 const MAX_DOUBLINGS: i32 = 40;
-/// The variance of a new shape about the one that it is drawn at, in that of all; and the least one, in the
-/// squared length of the range.
+/// A round draws each shape about one that is known already, with this part of the variance of all shapes.
 const KERNEL_PART: f64 = 0.5;
+/// The least variance for that, where the range of each shape parameter has length 1.
 const KERNEL_LEAST: f64 = 1e-7;
-/// Shapes with a smaller weight are not drawn at.
-const NEGLIGIBLE: f64 = 1e-4;
+/// No shapes are drawn about one with a smaller weight.
+const NEGLIGIBLE_WEIGHT: f64 = 1e-4;
 
 /// A place in the ranges of the logarithms of a law's shape parameters, from 0 to 1 in each direction.
 type Place = [f64; SHAPES];
@@ -133,7 +135,7 @@ impl Shapes<'_> {
         let grid = self.grid();
         let mut population = Population {
             directions: self.directions(),
-            of_grid: grid.len() as f64,
+            grid_places: grid.len() as f64,
             places: grid,
             ..Population::default()
         };
@@ -160,13 +162,13 @@ struct Population {
     directions: usize,
     places: Vec<Place>,
     costs: Vec<f64>,
-    /// The number of places of the grid; the one that was known beside them makes no difference to the densities.
-    of_grid: f64,
+    /// The number of places of the grid. The place that was known beside them is left out of the densities.
+    grid_places: f64,
     rounds: Vec<Round>,
 }
 
-/// How the places of one round were drawn: at one of some places, with a normal distribution about it that the
-/// ends of the ranges reflect.
+/// How the places of one round were drawn: a centre by its weight, and a place about it by a normal distribution
+/// that the ends of the ranges reflect.
 struct Round {
     centres: Vec<(Place, f64)>,
     /// The root of the covariance, a lower triangle row by row.
@@ -199,14 +201,14 @@ impl Round {
 }
 
 impl Population {
-    /// The weights of all places, whose sum is 1: by their likelihood, over the density with which they were drawn.
-    /// Also whether enough of them count.
+    /// The weights of all places, with the sum 1: their likelihood over the density with which they were drawn. Also
+    /// whether they are worth enough independent shapes.
     fn weights(&self, noise: f64) -> (Vec<f64>, bool) {
-        let all = self.of_grid + (self.rounds.len() * OF_ROUND) as f64;
+        let all = self.grid_places + (self.rounds.len() * SHAPES_PER_ROUND) as f64;
         let density = |place: &Place| {
             let rounds = self.rounds.iter();
             let drawn: f64 = rounds.map(|own| own.density(*place, self.directions)).sum();
-            (self.of_grid + OF_ROUND as f64 * drawn) / all
+            (self.grid_places + SHAPES_PER_ROUND as f64 * drawn) / all
         };
         let densities: Vec<f64> = self.places.iter().map(density).collect();
         let least = self.costs.iter().copied().fold(f64::INFINITY, f64::min);
@@ -223,8 +225,8 @@ impl Population {
                 *weight /= sum;
             }
             let count = 1.0 / weights.iter().map(|w| w * w).sum::<f64>();
-            if count >= FEWEST || count.is_nan() {
-                return (weights, doublings == 0 && count >= ENOUGH);
+            if count >= FEWEST_SHAPES || count.is_nan() {
+                return (weights, doublings == 0 && count >= ENOUGH_SHAPES);
             }
         }
         (weights, false)
@@ -243,14 +245,14 @@ impl Population {
         let b = product(0, 1) / a;
         let c = (product(1, 1) - b * b).max(0.0) + KERNEL_LEAST;
         let root = [a, b, c.sqrt()];
-        let centres = pairs().filter(|(_, w)| **w > NEGLIGIBLE);
+        let centres = pairs().filter(|(_, w)| **w > NEGLIGIBLE_WEIGHT);
         let mut centres: Vec<(Place, f64)> = centres.map(|(place, w)| (*place, *w)).collect();
         let sum: f64 = centres.iter().map(|(_, w)| w).sum();
         for (_, weight) in &mut centres {
             *weight /= sum;
         }
         let weights: Vec<f64> = centres.iter().map(|(_, w)| *w).collect();
-        for k in chosen(&weights, OF_ROUND, random) {
+        for k in chosen(&weights, SHAPES_PER_ROUND, random) {
             let (x, y) = (random.normal(), random.normal());
             let centre = centres.get(k).map_or([0.5; SHAPES], |own| own.0);
             let [first, second] = centre;

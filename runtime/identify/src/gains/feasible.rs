@@ -145,7 +145,7 @@ impl<'a> Constrained<'a> {
             }
             places.extend(&load.base);
             sought.push(&load.known.body);
-            known.extend(given(load)?);
+            known.extend(given_parameters(load)?);
             forms.extend(proportions(load));
         }
         places.sort_unstable();
@@ -379,7 +379,7 @@ impl<'a> Constrained<'a> {
 }
 
 /// The parameters of a payload that are given, by their labels.
-fn given(load: &Load) -> Result<Vec<(String, f64)>, GainError> {
+fn given_parameters(load: &Load) -> Result<Vec<(String, f64)>, GainError> {
     let known = &load.known;
     if known.inertia.is_some() && (known.com.is_none() || known.mass.is_none()) {
         return Err(GainError::InertiaAlone(known.body.clone()));

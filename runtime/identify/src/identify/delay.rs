@@ -327,7 +327,7 @@ impl DelayScores<'_> {
         let found: Vec<Delay> = self.names.iter().enumerate().map(one).collect();
         let common = common(&found, &entry);
         let sigma = common.as_ref().map_or(0.0, |own| own.sigma);
-        let moved = moved(&fit, n, &entry, sigma).unwrap_or_default();
+        let moved = change_by_delays(&fit, n, &entry, sigma).unwrap_or_default();
         Delays {
             efforts: found,
             common,
@@ -349,7 +349,7 @@ struct Moved {
 /// By how much the errors of delays move the n parameters: one change for each effort, independent of each
 /// other, and that of a common delay with this deviation, s. Least squares without the columns of the delays
 /// differs from that with them by `R_11^-1 R_12` times the delays. `None` where R is singular.
-fn moved(
+fn change_by_delays(
     fit: &QrFactor,
     n: usize,
     covariance: &dyn Fn(usize, usize) -> f64,
@@ -614,7 +614,7 @@ mod tests {
             factor
         };
         let without = of(1).solve().unwrap_or_default()[0];
-        let found = moved(&of(2), 1, &|_, _| 0.04, 0.5).unwrap_or_default();
+        let found = change_by_delays(&of(2), 1, &|_, _| 0.04, 0.5).unwrap_or_default();
         let slope = (without - 2.0) / delay;
         assert!((found.slopes[0][0] - slope).abs() < 1e-9);
         assert!((found.errors[0][0].abs() - 0.2 * slope.abs()).abs() < 1e-9);
