@@ -189,17 +189,7 @@ impl Mechanism {
             own.expr = spec::Expr::Number(value.clone());
             own.value = value;
         }
-        Some(Self {
-            source: self.source.clone(),
-            model: model::build(&spec),
-            spec,
-            payloads: self.payloads,
-            // results are stored by the text of the spec
-            store: None,
-            closed: OnceCell::new(),
-            analysis: OnceCell::new(),
-            at_home: OnceCell::new(),
-        })
+        Some(self.with_spec(spec))
     }
 
     /// The mechanism with more base parameters left out of its model, as `base: drop` of the spec does, by
@@ -212,12 +202,16 @@ impl Mechanism {
         spec.base
             .drop
             .extend(more.map(|value| spec::Spanned { value, span }));
+        self.with_spec(spec)
+    }
+
+    /// The mechanism of a changed spec. Its results are not stored, since they are stored by the text of the spec.
+    fn with_spec(&self, spec: Spec) -> Self {
         Self {
             source: self.source.clone(),
             model: model::build(&spec),
             spec,
             payloads: self.payloads,
-            // results are stored by the text of the spec
             store: None,
             closed: OnceCell::new(),
             analysis: OnceCell::new(),

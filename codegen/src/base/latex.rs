@@ -2,6 +2,7 @@
 
 use crate::model::{Parameter, ParameterKind};
 use crate::spec::Function;
+use crate::sym::print::sign;
 
 use super::Coefficient;
 
@@ -114,12 +115,7 @@ pub fn expression(tree: &Coefficient) -> String {
         Coefficient::Sum(terms) => {
             let mut out = String::new();
             for (negative, term) in terms {
-                out.push_str(match (out.is_empty(), negative) {
-                    (true, true) => "-",
-                    (true, false) => "",
-                    (false, true) => " - ",
-                    (false, false) => " + ",
-                });
+                out.push_str(sign(out.is_empty(), *negative));
                 out.push_str(&factor(term));
             }
             out

@@ -6,7 +6,7 @@ use crate::sym::eval::Evaluator;
 use crate::sym::{Ex, Graph, SymbolId, System};
 
 use super::elimination::{Eliminated, Pivot, Plan, eliminate, plan, structure};
-use super::home::{HomeProblem, Mismatch, NumericLoops, close_home};
+use super::home::{HomeProblem, Mismatch, NumericLoops, close_home, select};
 use super::loops::{LoopEquations, Viewpoint};
 use super::rows::{Equations, agreement, coupling_equations, world_equations};
 use super::samples::closed_states;
@@ -163,12 +163,6 @@ fn equations(
     all
 }
 
-fn columns(rows: &[Vec<Ex>], which: &[usize]) -> Vec<Vec<Ex>> {
-    rows.iter()
-        .map(|row| which.iter().map(|&c| row[c]).collect())
-        .collect()
-}
-
 /// The solution Z of `A Z = B` in the planned order of pivots, guarded as in [`LoopSolver::solve`].
 fn guarded(g: &mut Graph, a: Vec<Vec<Ex>>, b: Vec<Vec<Ex>>, plan: &Plan) -> Vec<Vec<Ex>> {
     let Eliminated {
@@ -204,8 +198,8 @@ impl LoopSolver {
         states: &[Vec<f64>],
     ) -> Option<LoopSolver> {
         let jacobian = equations(g, frames, model, viewpoints, None).jacobian;
-        let a_e = columns(&jacobian, &model.dependent);
-        let a_i = columns(&jacobian, &model.independent);
+        let a_e = select(&jacobian, &model.dependent);
+        let a_i = select(&jacobian, &model.independent);
         let evaluator = Evaluator::new(g, a_e.iter().flatten().copied().collect());
         let width = model.dependent.len();
         let samples: Vec<Vec<Vec<f64>>> = states
@@ -246,7 +240,7 @@ impl LoopSolver {
 
     /// The square A_e (Eq. 8) without the redundant rows; its rows are in the order of pivots.
     pub fn dependent_jacobian(&self, model: &Model) -> Vec<Vec<Ex>> {
-        let a_e = columns(&self.jacobian, &model.dependent);
+        let a_e = select(&self.jacobian, &model.dependent);
         let pivots = self.plan.pivots.iter();
         pivots.map(|p| a_e[p.row].clone()).collect()
     }
@@ -255,7 +249,7 @@ impl LoopSolver {
     /// if a pivot of the fixed order is too small when the expressions are evaluated, the system is
     /// solved again, with pivoting.
     pub fn solve(&self, g: &mut Graph, model: &Model, rhs: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
-        let a_e = columns(&self.jacobian, &model.dependent);
+        let a_e = select(&self.jacobian, &model.dependent);
         guarded(g, a_e, rhs.to_vec(), &self.plan)
     }
 
@@ -323,7 +317,7 @@ impl LoopSolver {
 
     /// X of Eq. 10, guarded as in [`LoopSolver::solve`].
     pub fn solve_x(&self, g: &mut Graph, model: &Model) -> Vec<Vec<Ex>> {
-        let a_i = columns(&self.jacobian, &model.independent);
+        let a_i = select(&self.jacobian, &model.independent);
         let x = self.solve(g, model, &a_i);
         for (row, dependent) in x.iter().zip(&model.dependent) {
             for (entry, independent) in row.iter().zip(&model.independent) {
@@ -336,7 +330,7 @@ impl LoopSolver {
 
     /// The right-hand side `-A_i v` for rates `v` of the independent coordinates.
     pub fn independent_part(&self, g: &mut Graph, model: &Model, v: &[Ex]) -> Vec<Ex> {
-        let a_i = columns(&self.jacobian, &model.independent);
+        let a_i = select(&self.jacobian, &model.independent);
         a_i.iter()
             .map(|row| {
                 let product = g.dot(row, v);

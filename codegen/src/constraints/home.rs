@@ -236,7 +236,7 @@ impl<'g> NumericLoops<'g> {
 }
 
 /// The given columns of a matrix.
-pub(super) fn select(a: &[Vec<f64>], columns: &[usize]) -> Vec<Vec<f64>> {
+pub(super) fn select<T: Copy>(a: &[Vec<T>], columns: &[usize]) -> Vec<Vec<T>> {
     a.iter()
         .map(|row| columns.iter().map(|&c| row[c]).collect())
         .collect()

@@ -5,6 +5,21 @@ use std::fmt::Write as _;
 /// Largest width of an emitted line of a list, in characters.
 const MAX_LINE_WIDTH: usize = 96;
 
+/// Writes the items of an array, as many to a line as fit.
+pub(super) fn wrapped(out: &mut String, items: impl Iterator<Item = String>) {
+    let mut row = String::new();
+    for item in items {
+        if !row.is_empty() && row.len() + item.len() > 90 {
+            let _ = writeln!(out, "    {}", row.trim_end());
+            row.clear();
+        }
+        let _ = write!(row, "{item}, ");
+    }
+    if !row.is_empty() {
+        let _ = writeln!(out, "    {}", row.trim_end());
+    }
+}
+
 /// The text of a function's body while it is written.
 #[derive(Debug, Default)]
 pub(super) struct Text {

@@ -96,15 +96,20 @@ fn sum(graph: &Graph, ex: Ex) -> String {
     }
     let mut out = String::new();
     for (ex, negative) in terms {
-        out.push_str(match (out.is_empty(), negative) {
-            (true, true) => "-",
-            (true, false) => "",
-            (false, true) => " - ",
-            (false, false) => " + ",
-        });
+        out.push_str(sign(out.is_empty(), negative));
         out.push_str(&wrap(render(graph, ex), Level::Product));
     }
     out
+}
+
+/// The sign before a term of a sum.
+pub(crate) fn sign(is_first: bool, is_negative: bool) -> &'static str {
+    match (is_first, is_negative) {
+        (true, true) => "-",
+        (true, false) => "",
+        (false, true) => " - ",
+        (false, false) => " + ",
+    }
 }
 
 /// The factors of a product, with repeated ones as powers.
@@ -149,12 +154,7 @@ pub fn angle_text(graph: &Graph, angle: &Angle) -> String {
     for (symbol, coefficient) in &angle.terms {
         let negative = coefficient.is_negative();
         let size = coefficient.abs();
-        out.push_str(match (out.is_empty(), negative) {
-            (true, true) => "-",
-            (true, false) => "",
-            (false, true) => " - ",
-            (false, false) => " + ",
-        });
+        out.push_str(sign(out.is_empty(), negative));
         if !size.is_one() {
             let _ = write!(out, "{size}*");
         }
@@ -162,12 +162,7 @@ pub fn angle_text(graph: &Graph, angle: &Angle) -> String {
     }
     if !angle.constant.is_zero() || out.is_empty() {
         let negative = angle.constant.is_negative();
-        out.push_str(match (out.is_empty(), negative) {
-            (true, true) => "-",
-            (true, false) => "",
-            (false, true) => " - ",
-            (false, false) => " + ",
-        });
+        out.push_str(sign(out.is_empty(), negative));
         let _ = write!(out, "{}", angle.constant.abs());
     }
     out

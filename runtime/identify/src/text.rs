@@ -1,4 +1,38 @@
-//! Formats numbers for people.
+//! Formats numbers and names for people.
+
+/// A text as YAML, in quotes where YAML needs them or would read another value than a whole number.
+///
+/// ```
+/// use regen_identify::text::yaml_text;
+///
+/// assert_eq!(["3", "q1", "../a.csv", "leg-1.q"].map(yaml_text), ["3", "q1", "../a.csv", "leg-1.q"]);
+/// assert_eq!(["", "no", "1e5", "a: b"].map(yaml_text), [r#""""#, r#""no""#, r#""1e5""#, r#""a: b""#]);
+/// ```
+pub fn yaml_text(text: &str) -> String {
+    const VALUES: [&str; 9] = ["true", "false", "null", "yes", "no", "on", "off", "y", "n"];
+    let is_number = !text.is_empty() && text.chars().all(|c| c.is_ascii_digit());
+    let starts = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_' || c == '/')
+        || text.starts_with('.') && text.contains('/');
+    let is_word = starts
+        && text
+            .chars()
+            .all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c));
+    if is_number || is_word && !VALUES.contains(&text.to_ascii_lowercase().as_str()) {
+        return text.to_owned();
+    }
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// A number with the noun for what it counts.
+///
+/// ```
+/// use regen_identify::text::counted;
+///
+/// assert_eq!([1, 2].map(|n| counted(n, "pose", "poses")), ["1 pose", "2 poses"]);
+/// ```
+pub fn counted(count: usize, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
+}
 
 /// A number in five significant digits, with an exponent only where it is hard to read without.
 ///

@@ -42,29 +42,26 @@ pub(crate) struct Stretch {
     pub(crate) columns: Vec<Vec<f64>>,
 }
 
-/// All columns over the whole log, averaged to at most [`TRACE_POINTS`] points.
+/// The means of the time and the columns over as many rows at a time as `every` says.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Trace {
-    pub(crate) times: Vec<f64>,
-    pub(crate) columns: Vec<Vec<f64>>,
-    /// The number of rows in the mean of a point; it doubles when the trace is full.
-    pub(crate) every: usize,
-    /// The sums of the time and the columns over the rows of the next point.
-    pub(crate) sums: Vec<f64>,
+struct Means {
+    every: usize,
+    /// The sums over the rows of the next mean.
+    sums: Vec<f64>,
     /// The number of these rows.
-    pub(crate) count: usize,
-    /// The beginning of the log, before each doubling, the finest first: the whole is too coarse for
-    /// what is fast.
-    pub(crate) finer: Vec<Trace>,
+    count: usize,
 }
 
-impl Trace {
-    pub(crate) fn push(&mut self, time: f64, values: &[f64]) {
-        if self.every == 0 {
-            self.every = 1;
-            self.sums = vec![0.0; values.len() + 1];
-            self.columns = vec![Vec::new(); values.len()];
-        }
+impl Means {
+    /// Adds a row; adds the means to the times and columns when they are complete.
+    fn push(
+        &mut self,
+        time: f64,
+        values: &[f64],
+        times: &mut Vec<f64>,
+        columns: &mut Vec<Vec<f64>>,
+    ) {
+        self.sums.resize(values.len() + 1, 0.0);
         let all = std::iter::once(&time).chain(values);
         for (sum, value) in self.sums.iter_mut().zip(all) {
             *sum += value;
@@ -75,19 +72,44 @@ impl Trace {
         }
         let n = self.count as f64;
         let mut means = self.sums.iter().map(|sum| sum / n);
-        self.times.extend(means.next());
-        for (column, mean) in self.columns.iter_mut().zip(means) {
+        times.extend(means.next());
+        columns.resize(values.len(), Vec::new());
+        for (column, mean) in columns.iter_mut().zip(means) {
             column.push(mean);
         }
+        self.clear();
+    }
+
+    fn clear(&mut self) {
         self.sums.fill(0.0);
         self.count = 0;
+    }
+}
+
+/// All columns over the whole log, averaged to at most [`TRACE_POINTS`] points.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Trace {
+    pub(crate) times: Vec<f64>,
+    pub(crate) columns: Vec<Vec<f64>>,
+    /// The means of the next point; they are over twice as many rows when the trace is full.
+    means: Means,
+    /// The beginning of the log, before each doubling, the finest first: the whole is too coarse for
+    /// what is fast.
+    pub(crate) finer: Vec<Trace>,
+}
+
+impl Trace {
+    pub(crate) fn push(&mut self, time: f64, values: &[f64]) {
+        self.means.every = self.means.every.max(1);
+        self.means
+            .push(time, values, &mut self.times, &mut self.columns);
         if self.times.len() == TRACE_POINTS {
             self.finer.push(Self {
                 times: self.times.clone(),
                 columns: self.columns.clone(),
                 ..Self::default()
             });
-            self.every *= 2;
+            self.means.every *= 2;
             halve(&mut self.times);
             self.columns.iter_mut().for_each(halve);
         }
@@ -168,35 +190,17 @@ pub(crate) struct Gathered {
     pub(crate) trace: Trace,
 }
 
-/// Collects stretches: the one that grows, and the finished ones. Each value is the mean of `every`
-/// rows, whose sums so far are `sums` over `count` rows.
+/// Collects stretches of means: the one that grows, and the finished ones.
 struct Stretches {
     present: Stretch,
     done: Vec<Stretch>,
-    sums: Vec<f64>,
-    count: usize,
-    every: usize,
+    means: Means,
 }
 
 impl Stretches {
     fn push(&mut self, time: f64, values: &[f64]) {
-        let all = std::iter::once(&time).chain(values);
-        for (sum, value) in self.sums.iter_mut().zip(all) {
-            *sum += value;
-        }
-        self.count += 1;
-        if self.count < self.every {
-            return;
-        }
-        let n = self.count as f64;
-        let mut means = self.sums.iter().map(|sum| sum / n);
-        self.present.times.extend(means.next());
-        self.present.columns.resize(values.len(), Vec::new());
-        for (column, mean) in self.present.columns.iter_mut().zip(means) {
-            column.push(mean);
-        }
-        self.sums.fill(0.0);
-        self.count = 0;
+        let Stretch { times, columns } = &mut self.present;
+        self.means.push(time, values, times, columns);
     }
 
     fn end(&mut self) {
@@ -204,8 +208,7 @@ impl Stretches {
         if present.times.len() >= MIN_STRETCH {
             self.done.push(present);
         }
-        self.sums.fill(0.0);
-        self.count = 0;
+        self.means.clear();
     }
 }
 
@@ -309,9 +312,10 @@ pub(crate) fn gather(
     let mut stretches = Stretches {
         present: Stretch::default(),
         done: Vec::new(),
-        sums: vec![0.0; count + 1],
-        count: 0,
-        every,
+        means: Means {
+            every,
+            ..Means::default()
+        },
     };
     let (parts, length) = if rows <= STRETCH_VALUES * every {
         (1, rows)

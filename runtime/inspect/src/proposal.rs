@@ -6,7 +6,7 @@ use regen_identify::choice::Choice;
 use regen_identify::data::{Join, Run};
 use regen_identify::experiment_file::with_process;
 use regen_identify::signals::Method;
-use regen_identify::text::figure_of;
+use regen_identify::text::{figure_of, yaml_text};
 
 use crate::clock::ClockSource;
 use crate::joints::Joint;
@@ -22,28 +22,12 @@ const ORDER: usize = 4;
 /// differs by at most this part.
 const UNIT_TOLERANCE: f64 = 0.05;
 
-/// A text as a YAML string, in quotes where YAML needs them.
-fn quoted(text: &str) -> String {
-    let plain = text
-        .chars()
-        .all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c));
-    let starts =
-        text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_' || c == '/' || c == '.');
-    // words that YAML reads as booleans or null
-    let word = ["true", "false", "null", "yes", "no", "on", "off", "y", "n"];
-    if plain && starts && !word.contains(&text.to_lowercase().as_str()) {
-        return text.to_owned();
-    }
-    let escaped = text.replace('\\', "\\\\").replace('"', "\\\"");
-    format!("\"{escaped}\"")
-}
-
 /// How the file names a column: by its name if no other column has it, else by its number.
 fn place(found: &LogFacts, column: &Column) -> String {
     let same = found.columns.iter().filter(|c| c.name == column.name);
     let digits = column.name.chars().all(|c| c.is_ascii_digit());
     if found.named && !digits && !column.name.contains(['*', '\n', '"']) && same.count() == 1 {
-        quoted(&column.name)
+        yaml_text(&column.name)
     } else {
         column.number.to_string()
     }
@@ -82,7 +66,11 @@ fn line(out: &mut String, key: &str, column: &str, unit: Option<&str>, more: &[(
     let unit = unit.map_or_else(String::new, |unit| format!(", unit: {unit}"));
     let more = more.iter().map(|(key, value)| format!(", {key}: {value}"));
     let more: String = more.collect();
-    let _ = writeln!(out, "  {}: {{column: {column}{unit}{more}}}", quoted(key));
+    let _ = writeln!(
+        out,
+        "  {}: {{column: {column}{unit}{more}}}",
+        yaml_text(key)
+    );
 }
 
 /// The keys of all entries together: a value if it is that of all, and else their list.
@@ -343,7 +331,7 @@ pub fn proposal(
         let files: Vec<String> = run
             .files
             .iter()
-            .map(|file| quoted(&file.display().to_string()))
+            .map(|file| yaml_text(&file.display().to_string()))
             .collect();
         let mut more = String::new();
         match run.join {
@@ -352,7 +340,7 @@ pub fn proposal(
             Join::Time => more.push_str(", join: time"),
         }
         if let Some(topic) = &run.topic {
-            let _ = write!(more, ", topic: {}", quoted(topic));
+            let _ = write!(more, ", topic: {}", yaml_text(topic));
         }
         if let Some(episode) = run.episode {
             let _ = write!(more, ", episode: {episode}");

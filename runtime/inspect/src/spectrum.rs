@@ -193,9 +193,7 @@ impl Density {
         let last = self.values.len().saturating_sub(1) as f64;
         #[allow(clippy::cast_sign_loss, reason = "parts are positive")]
         let [from, to] = band.map(|part| (part * last) as usize);
-        let mut band = self.values.get(from..to).unwrap_or_default().to_vec();
-        band.sort_by(f64::total_cmp);
-        let median = band.get(band.len() / 2).copied().unwrap_or(0.0);
+        let median = median(self.values.get(from..to).unwrap_or_default());
         // the median of a chi-squared variable by Wilson and Hilferty; blocks that overlap by half
         // are hardly dependent under the window
         let m = self.blocks as f64;

@@ -7,6 +7,7 @@ use crate::robot::{JointInfo, MotionKind, Robot};
 use crate::signature::Size;
 
 use super::super::elements::{base_of, elements};
+use super::super::text::wrapped;
 use super::names::{comment, literal, string};
 use super::words::Spelling;
 
@@ -315,14 +316,7 @@ pub(super) fn definitions(robot: &Robot, names: &Spelling, out: &mut String) {
             names.prefix,
             items.len()
         );
-        let mut row = String::new();
-        for item in items {
-            if !row.is_empty() && row.len() + item.len() > 90 {
-                let _ = writeln!(out, "    {}", row.trim_end());
-                row.clear();
-            }
-            let _ = write!(row, "{item}, ");
-        }
-        let _ = writeln!(out, "    {}\n}};", row.trim_end());
+        wrapped(out, items.into_iter());
+        out.push_str("};\n");
     }
 }

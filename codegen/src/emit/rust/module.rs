@@ -11,6 +11,7 @@ use super::super::body::statements;
 use super::super::documentation::{DIGEST, EQUATIONS, base_sizes, operations, sizes};
 use super::super::elements::{adjustable_names, base_of, preferred_names};
 use super::super::plan::{is_zero, reads_argument};
+use super::super::text::wrapped;
 use super::names::{BASE_IMPORTS, IMPORTS, literal};
 use super::statements::Rust;
 use super::{base, geometry, stated, trait_impl};
@@ -176,20 +177,6 @@ fn indices(out: &mut String, doc: &str, name: &str, items: &[usize]) {
         items.len(),
         list.join(", ")
     );
-}
-
-pub(super) fn wrapped(out: &mut String, items: impl Iterator<Item = String>) {
-    let mut row = String::new();
-    for item in items {
-        if !row.is_empty() && row.len() + item.len() > 90 {
-            let _ = writeln!(out, "    {}", row.trim_end());
-            row.clear();
-        }
-        let _ = write!(row, "{item}, ");
-    }
-    if !row.is_empty() {
-        let _ = writeln!(out, "    {}", row.trim_end());
-    }
 }
 
 fn constants(robot: &Robot, out: &mut String) {

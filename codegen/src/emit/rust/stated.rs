@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use crate::robot::{JointInfo, MotionKind, Parameter, ParameterKind, Robot, SpringPart};
 
-use super::module::wrapped;
+use super::super::text::wrapped;
 use super::names::literal;
 
 /// The variants of `Symbol` for a body's ten parameters, in their order.

@@ -4,6 +4,7 @@ use core::fmt::Write;
 
 use super::error::{finite, size};
 use super::{FeasibilityError, ParameterLayout, about_centre};
+use crate::text::yaml_text;
 use regen_runtime::{Info, Parameter};
 
 /// The SI unit of a parameter, from its label; the unit of friction depends on whether the joint
@@ -20,21 +21,6 @@ pub fn unit(label: &str, info: &Info<'_>) -> &'static str {
     // a layout of the caller's may have labels that the model lacks
     let parameter = own.or_else(|| Parameter::read(label));
     parameter.map_or("SI", |p| p.unit(info.motion_of(p.owner)))
-}
-
-/// Writes a key or label as YAML, quoted unless it is a plain integer or identifier.
-fn key(label: &str) -> String {
-    let plain = !label.is_empty()
-        && label.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-        && !matches!(
-            label.to_ascii_lowercase().as_str(),
-            "true" | "false" | "yes" | "no" | "on" | "off" | "null" | "y" | "n"
-        );
-    if plain {
-        label.to_owned()
-    } else {
-        format!("\"{}\"", label.replace('\\', "\\\\").replace('"', "\\\""))
-    }
 }
 
 /// Writes a number that reads back to the same double, always with a point or exponent.
@@ -80,7 +66,7 @@ pub fn bodies_yaml(layout: &ParameterLayout, phi: &[f64]) -> Result<String, Feas
         let _ = writeln!(
             out,
             "  {}: {{mass: {}, com: [{}], inertia: [{}]}}",
-            key(&body.label),
+            yaml_text(&body.label),
             number(mass),
             list(&com.map(|v| v + 0.0)),
             list(&inertia.map(|v| v + 0.0)),
