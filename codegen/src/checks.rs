@@ -7,7 +7,7 @@ mod home;
 
 use crate::base::{self, Base};
 use crate::constraints::{HomeProblem, agreement};
-use crate::diag::{Diagnostic, Report, Sink, Source, Span};
+use crate::diag::{Diagnostic, Report, Sink, Source, Span, counted};
 use crate::kinematics::Frames;
 use crate::model::Model;
 use crate::spec::{CutKind, Spec};
@@ -60,11 +60,6 @@ fn without_home(spec: &Spec) -> &'static str {
     } else {
         ""
     }
-}
-
-/// A number with the word for what it counts.
-fn counted(count: usize, one: &str, several: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { several })
 }
 
 /// How many independent coordinates there are, and why these.

@@ -184,7 +184,7 @@ fn headers_tell_what_the_choice_of_base_parameters_left_out_and_knew() {
         - {name: q1, type: revolute, axis: y, body: b, actuated: true}\n";
     for (choice, words) in [
         ("drop", "before `base.drop` left 1 out"),
-        ("zero", "with 1 parameters known by `base.zero`"),
+        ("zero", "with 1 parameter known by `base.zero`"),
     ] {
         let tells = |text: &str| {
             let files = c::files(&robot(text));

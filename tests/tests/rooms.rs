@@ -104,7 +104,9 @@ const IDENTIFICATION: &[Room] = &[
     ),
     (
         "experiment_file",
-        &["data", "document", "gains", "identify", "signals", "states"],
+        &[
+            "data", "document", "gains", "identify", "signals", "states", "text",
+        ],
     ),
     (
         "files",
@@ -192,7 +194,7 @@ const GENERATOR: &[Room] = &[
     ("digest", &["interpret", "robot"]),
     (
         "emit",
-        &["base", "digest", "optimize", "robot", "signature"],
+        &["base", "diag", "digest", "optimize", "robot", "signature"],
     ),
     (
         "checks",

@@ -16,7 +16,7 @@ use regen_identify::data::{Assignment, Quantity, RawLog, Run, Settings, ValuesFr
 use regen_identify::experiment_file::{
     Calibration, ExperimentFile, MeasuredFrame, MeasuredKind, Purpose,
 };
-use regen_identify::text::figure_of;
+use regen_identify::text::{counted, figure_of};
 use regen_interpreted::{ChosenGeometry, Described, NominalEfforts};
 use regen_report::results::{Calibrated, calibrated_text};
 use regen_runtime::Info;
@@ -480,10 +480,7 @@ fn read(
             terminal::note(&format!(
                 "note: {}: {} left out: {first}",
                 log.name(),
-                match unusable.len() {
-                    1 => "1 row is".to_owned(),
-                    count => format!("{count} rows are"),
-                }
+                counted(unusable.len(), "row is", "rows are")
             ));
         }
         if let Some(wrong) = wrong {

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
+use regen_codegen::diag::counted;
 use regen_codegen::robot::Robot;
 use regen_sources::{
     Entry, SourceError, State, Workspace, c_files, casadi_files, compare_c, compare_modules, module,
@@ -41,8 +42,9 @@ pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let wrong = entries.iter().filter(|e| e.state != State::Current).count();
     if args.check && wrong > 0 {
         return Err(Failure::Check(format!(
-            "{wrong} of {} files are not what regen writes; update them with\n  {}",
-            entries.len(),
+            "{wrong} of {} {} not what regen writes; update with\n  {}",
+            counted(entries.len(), "file", "files"),
+            if wrong == 1 { "is" } else { "are" },
             update_command(args)
         )));
     }

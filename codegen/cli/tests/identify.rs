@@ -287,7 +287,9 @@ fn mistakes_in_logs_and_factors_are_reported() {
     )
     .ended(0);
     assert!(
-        dropped.err.contains("warning: bad.csv: 1 rows"),
+        dropped
+            .err
+            .contains("warning: bad.csv: 1 row or gap was left out"),
         "{}",
         dropped.err
     );

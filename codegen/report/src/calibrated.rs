@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_calibrate::{Fit, Group, Kind, Pose, Problem};
+use regen_identify::text::counted;
 
 use crate::ReportError;
 use crate::charts::{self, BLUE, Figure, GREY, LINE_COLOURS, Line, Look, RED};
@@ -97,7 +98,7 @@ pub fn calibrated(
 }
 
 fn summary(found: &Calibrated) -> String {
-    let mut rows = vec![("measured", format!("{} poses", found.poses))];
+    let mut rows = vec![("measured", counted(found.poses, "pose", "poses"))];
     rows.extend(calibration_facts(found));
     let mut out = terms(&rows);
     if !found.doubts.is_empty() {
@@ -114,7 +115,7 @@ fn summary(found: &Calibrated) -> String {
 
 /// The poses that were used, in the order of their residuals, as indices into the problem's: rows of several logs
 /// have the same numbers.
-fn used(problem: &Problem<'_>, fit: &Fit) -> Vec<usize> {
+fn used_poses(problem: &Problem<'_>, fit: &Fit) -> Vec<usize> {
     let mut rest = problem.poses.iter().enumerate();
     let own = fit.residuals.iter();
     own.filter_map(|own| Some(rest.find(|(_, pose)| pose.row == own.row)?.0))
@@ -130,7 +131,7 @@ struct AtPose<'p> {
 
 /// The residuals of one kind, pose by pose.
 fn of_group<'p>(problem: &Problem<'p>, fit: &Fit, group: Group) -> Vec<AtPose<'p>> {
-    let used = used(problem, fit);
+    let used = used_poses(problem, fit);
     let own = fit.residuals.iter().zip(&used).filter_map(|(own, k)| {
         let of = |values: &[f64]| -> Vec<f64> {
             let own = own.groups.iter().zip(values);
@@ -217,7 +218,7 @@ fn magnified(longest: f64, wanted: f64) -> f64 {
 /// Points that a sensor measured with the vectors of their residuals, from above and from the side.
 fn maps(problem: &Problem<'_>, fit: &Fit, sensor: usize) -> Result<String, ReportError> {
     let mut out = String::new();
-    let used = used(problem, fit);
+    let used = used_poses(problem, fit);
     let points = |is_wanted: bool| -> Vec<[f64; 3]> {
         let poses = problem.poses.iter().enumerate();
         let own = poses.filter(|(k, _)| used.contains(k) == is_wanted);
@@ -433,7 +434,7 @@ fn six(value: f64) -> String {
 /// The readings of all poses, with those that were left out.
 fn poses(problem: &Problem<'_>, fit: &Fit) -> Result<String, ReportError> {
     let mut out = String::new();
-    let used = used(problem, fit);
+    let used = used_poses(problem, fit);
     for (turns, name, unit) in [(true, "turns", "rad"), (false, "shifts", "m")] {
         let own: Vec<usize> = (0..problem.measured.len())
             .filter(|k| {

@@ -8,6 +8,7 @@ use crate::gather::{LogRows, Spectra};
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::status::{Status, WELL_IDENTIFIED_PERCENT};
+use regen_identify::text::counted;
 use regen_interpreted::Interpreted;
 
 /// The largest number of points of a line: more cannot be distinguished, and makes pages large.
@@ -55,9 +56,9 @@ fn missing(rows: &LogRows) -> Option<Line> {
             _ => points.extend([(*from, f64::NAN), (*to, f64::NAN)]),
         }
     }
-    let s = if rows.missing.count == 1 { "" } else { "s" };
+    let missing = counted(rows.missing.count, "row", "rows");
     (!spans.is_empty()).then(|| Line {
-        label: format!("{} row{s} missing or left out", rows.missing.count),
+        label: format!("{missing} missing or left out"),
         points,
         dye: RED,
         look: Look::Bands,

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_identify::status::WELL_IDENTIFIED_PERCENT;
+use regen_identify::text::counted;
 use regen_inspect::{Column, ExpectedStatus, Joint, LogFacts, Prediction, Role};
 
 use crate::ReportError;
@@ -37,7 +38,7 @@ pub fn inspected(
 ) -> Result<String, ReportError> {
     let mut body = String::new();
     for (k, log) in logs.iter().enumerate() {
-        body.push_str(&one(k, log)?);
+        body.push_str(&log_section(k, log)?);
     }
     if let Some(prediction) = prediction {
         body.push_str(&predicted(prediction)?);
@@ -74,7 +75,7 @@ fn positive(value: f64) -> String {
     }
 }
 
-fn one(place: usize, log: &LogFacts) -> Result<String, ReportError> {
+fn log_section(place: usize, log: &LogFacts) -> Result<String, ReportError> {
     let clock = &log.clock;
     let mut out = String::from("<dl>\n");
     let mut entry = |title: &str, text: String| {
@@ -87,12 +88,12 @@ fn one(place: usize, log: &LogFacts) -> Result<String, ReportError> {
     entry(
         "Clock",
         format!(
-            "{} s at {} Hz; steps of {} to {} ms, {} gaps",
+            "{} s at {} Hz; steps of {} to {} ms, {}",
             four(clock.span[1] - clock.span[0]),
             four(clock.rate),
             four(1e3 * clock.steps[0]),
             four(1e3 * clock.steps[1]),
-            clock.gaps
+            counted(clock.gaps, "gap", "gaps")
         ),
     );
     if let Some(cutoff) = log.cutoff {
@@ -273,9 +274,9 @@ fn columns(log: &LogFacts) -> String {
 
 fn predicted(found: &Prediction) -> Result<String, ReportError> {
     let mut out = format!(
-        "<p class=\"lead\">From {} equations, before any fit: standard deviations at the noise that \
+        "<p class=\"lead\">From {}, before any fit: standard deviations at the noise that \
          the efforts have at high frequencies. Errors of the model come on top.</p>\n",
-        found.equations
+        counted(found.equations, "equation", "equations")
     );
     for note in &found.notes {
         let _ = writeln!(out, "<p>{}</p>", escaped(note));

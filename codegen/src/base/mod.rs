@@ -47,6 +47,7 @@ pub use null_completion::recognise;
 pub use rates::velocity_constraints;
 pub use store::{StoreProblem, is_slow_in_debug, restore, store};
 
+use crate::diag::counted;
 use crate::model::Model;
 use crate::spec::Spec;
 use crate::sym::Number;
@@ -340,9 +341,9 @@ fn derive_with_completion(
         })
         .collect();
     if hidden > 0 {
-        let plural = if hidden == 1 { "" } else { "s" };
         unrecognised.push(format!(
-            "{hidden} factor{plural} of too many terms in names of the geometry, written as numbers"
+            "{} of too many terms in names of the geometry, written as numbers",
+            counted(hidden, "factor", "factors")
         ));
     }
     let null = reduced.rows.iter().map(|(column, row)| {

@@ -1,7 +1,7 @@
 //! The error of a home from which the loops do not close: which cut gapes, and what closes.
 
 use crate::constraints::{Gap, RegularHome};
-use crate::diag::{Diagnostic, rounded};
+use crate::diag::{Diagnostic, counted, rounded};
 use crate::model::Model;
 use crate::spec::Spec;
 
@@ -82,7 +82,7 @@ pub(super) fn singular(
 ) -> Diagnostic {
     let message = format!(
         "home is singular: the mechanism has {} there, and {beside} beside it",
-        super::counted(mobility, "degree of freedom", "degrees of freedom"),
+        counted(mobility, "degree of freedom", "degrees of freedom"),
     );
     let hint = match remedy {
         None => {

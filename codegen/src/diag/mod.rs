@@ -9,7 +9,7 @@ mod sink;
 mod source;
 
 pub use diagnostic::Diagnostic;
-pub use number::rounded;
+pub use number::{counted, rounded};
 pub use report::{LocatedDiagnostic, Report};
 pub use sink::Sink;
 pub use source::{Position, Source, Span};

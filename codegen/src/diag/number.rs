@@ -1,3 +1,14 @@
+/// A number with the noun for what it counts.
+///
+/// ```
+/// use regen_codegen::diag::counted;
+///
+/// assert_eq!([1, 2].map(|n| counted(n, "body", "bodies")), ["1 body", "2 bodies"]);
+/// ```
+pub fn counted(count: usize, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
+}
+
 /// Formats a number with six decimals at most; rounding errors are 0.
 ///
 /// ```

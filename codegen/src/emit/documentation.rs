@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::base::Analysis;
+use crate::diag::counted;
 use crate::optimize::Operations;
 use crate::robot::Robot;
 
@@ -59,7 +60,8 @@ pub(super) fn certified(analysis: &Analysis) -> String {
     if known > 0 {
         let _ = write!(
             words,
-            ", with {known} parameters known by `base.zero` and `base.equal`"
+            ", with {} known by `base.zero` and `base.equal`",
+            counted(known, "parameter", "parameters")
         );
     }
     words

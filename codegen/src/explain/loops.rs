@@ -4,6 +4,7 @@
 use core::fmt::Write as _;
 
 use crate::base::{LinearForm, LinkPath};
+use crate::diag::counted;
 use crate::model::{Cut, Model};
 use crate::spec::CutKind;
 
@@ -109,10 +110,11 @@ pub(super) fn facts(
         first += rows;
         let ring = Loop::new(model, cut);
         let mut text = format!(
-            "loop '{}': {}, closed by a {} joint with {rows} rows",
+            "loop '{}': {}, closed by a {} joint with {}",
             cut.name,
             ring.route(),
-            cut.kind.name()
+            cut.kind.name(),
+            counted(rows, "row", "rows")
         );
         if !left_out.is_empty() {
             let plural = if left_out.len() == 1 { "row" } else { "rows" };

@@ -20,7 +20,7 @@ use core::fmt::{self, Write as _};
 pub use crate::base::Freedom;
 use crate::base::certificate::closed_states;
 use crate::base::{Analysis, LinearForm, LinkPath, Provenance, link_paths, velocity_constraints};
-use crate::diag::{Source, Span, rounded};
+use crate::diag::{Source, Span, counted, rounded};
 use crate::model::Model;
 use crate::spec::Spec;
 pub use plausible::frame_units;
@@ -351,7 +351,10 @@ fn coordinate_facts(model: &Model, home: &[f64], redundant: &[usize]) -> Vec<Fac
     let rows = model.cuts.iter().map(|c| c.kind.equations()).sum::<usize>() + model.couplings.len();
     let mobility = model.independent.len();
     let mut facts = vec![Fact::given(if rows == 0 {
-        format!("{n} coordinates and no loop: mobility {mobility}")
+        format!(
+            "{} and no loop: mobility {mobility}",
+            counted(n, "coordinate", "coordinates")
+        )
     } else {
         let independent_rows = rows - redundant.len();
         let redundancy_note = match redundant.len() {
@@ -360,8 +363,9 @@ fn coordinate_facts(model: &Model, home: &[f64], redundant: &[usize]) -> Vec<Fac
             k => format!(", {k} of them redundant"),
         };
         format!(
-            "{n} coordinates and {rows} closure rows{redundancy_note}: mobility {n} - \
-             {independent_rows} = {mobility}"
+            "{} and {}{redundancy_note}: mobility {n} - {independent_rows} = {mobility}",
+            counted(n, "coordinate", "coordinates"),
+            counted(rows, "closure row", "closure rows")
         )
     })];
     facts.push(Fact::given(format!(
@@ -412,8 +416,12 @@ fn coordinate_facts(model: &Model, home: &[f64], redundant: &[usize]) -> Vec<Fac
     }
     if !passive.is_empty() && model.actuated.len() < mobility {
         facts.push(Fact::given(format!(
-            "{} fewer drives than mobility {mobility}: {} cannot be held",
-            mobility - model.actuated.len(),
+            "{} than mobility {mobility}: {} cannot be held",
+            counted(
+                mobility - model.actuated.len(),
+                "fewer drive",
+                "fewer drives"
+            ),
             if mobility == 1 { "it" } else { "some motion" }
         )));
     }

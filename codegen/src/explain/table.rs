@@ -12,6 +12,7 @@ use std::fmt::Write as _;
 use super::Grouped;
 use super::lines::{WIDTH, field, paragraph};
 use crate::base::{self, Analysis, Exactness, Provenance, Substitution, Term};
+use crate::diag::counted;
 use crate::robot::Robot;
 
 pub use factor::Style;
@@ -260,12 +261,12 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
         let _ = write!(rank, ", {} of them known", base.known.len());
     }
     facts.push((what, rank));
-    let plural = if base.trees == 1 { "" } else { "s" };
     facts.push((
         "derived",
         format!(
-            "{} null directions from {} spanning tree{plural}",
-            base.from_trees, base.trees
+            "{} from {}",
+            counted(base.from_trees, "null direction", "null directions"),
+            counted(base.trees, "spanning tree", "spanning trees")
         ),
     ));
     if completed(analysis) > 0 {
@@ -277,7 +278,10 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
             _ => "",
         };
         let count = completed(analysis);
-        let text = format!("{count} more null directions from samples{proof}");
+        let text = format!(
+            "{} from samples{proof}",
+            counted(count, "more null direction", "more null directions")
+        );
         facts.push(("completed", text));
     }
     if !base.unrecognised.is_empty() {

@@ -1,6 +1,6 @@
 //! Writes sentences about a log: its clock, columns, derivatives and efforts.
 
-use regen_identify::text::figure_of;
+use regen_identify::text::{counted, figure_of};
 
 use crate::clock::ClockSource;
 use crate::log::{Column, LogFacts};
@@ -57,7 +57,8 @@ fn clock(found: &LogFacts, out: &mut Vec<String>) {
     let clock = &found.clock;
     if found.unusable > 0 {
         let first = found.problems.first().map_or("", String::as_str);
-        out.push(format!("{} rows cannot be read; {first}", found.unusable));
+        let rows = counted(found.unusable, "row", "rows");
+        out.push(format!("{rows} cannot be read; {first}"));
     }
     match clock.source {
         ClockSource::Unknown => out.push(
@@ -78,16 +79,16 @@ fn clock(found: &LogFacts, out: &mut Vec<String>) {
     }
     if let Some(gap) = clock.first_gaps.first() {
         out.push(format!(
-            "{} gaps, the first of {} s before row {}",
-            clock.gaps,
+            "{}, the first of {} s before row {}",
+            counted(clock.gaps, "gap", "gaps"),
             figure_of(3, gap.seconds),
             gap.row
         ));
     }
     if clock.backwards > 0 {
         out.push(format!(
-            "the time of {} rows is not after that of the row before",
-            clock.backwards
+            "the time of {} is not after that of the row before",
+            counted(clock.backwards, "row", "rows")
         ));
     }
 }

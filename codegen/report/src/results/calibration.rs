@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use regen_calibrate::{Chosen, Fit, Fixed, Group, Kind, Known, Problem, Unit, Why};
 use regen_codegen::explain::lines::{columns, field};
-use regen_identify::text::figure_of;
+use regen_identify::text::{counted, figure_of};
 use serde::Serialize;
 
 use super::identification::{Field, fields};
@@ -280,8 +280,10 @@ pub fn chosen_text(found: &Calibrated) -> String {
         return String::new();
     };
     let mut out = format!(
-        "{}, {} poses of {}\n",
-        found.robot, found.poses, choice.candidates
+        "{}, {} of {}\n",
+        found.robot,
+        counted(found.poses, "pose", "poses"),
+        choice.candidates
     );
     if !choice.from_home.is_empty() {
         out.push_str(&field("from home", &listed(&choice.from_home)));
@@ -374,7 +376,8 @@ pub(crate) fn facts(found: &Calibrated) -> Vec<Field> {
         }
     }
     if let (Some(chi), Some(degrees)) = (found.chi_square, found.degrees_of_freedom) {
-        let text = format!("{} with {degrees} degrees of freedom", figure_of(4, chi));
+        let degrees = counted(degrees, "degree of freedom", "degrees of freedom");
+        let text = format!("{} with {degrees}", figure_of(4, chi));
         out.push(("chi-square", text));
     }
     if found.converged == Some(false) {
@@ -459,7 +462,7 @@ fn listed<T: ToString>(all: &[T]) -> String {
 pub fn calibrated_text(found: &Calibrated) -> String {
     let mut out = match found.poses {
         0 => format!("{}: what such measurements can tell\n", found.robot),
-        poses => format!("{}, {poses} poses\n", found.robot),
+        poses => format!("{}, {}\n", found.robot, counted(poses, "pose", "poses")),
     };
     out.push_str(&fields(&facts(found)));
     if !found.measured.is_empty() {

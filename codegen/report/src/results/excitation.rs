@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use regen_codegen::explain::lines::columns;
 use regen_experiment::excite::{Excitation, Margin};
 use regen_experiment::trajectory::Trajectory;
-use regen_identify::text::figure;
+use regen_identify::text::{counted, figure};
 use serde::Serialize;
 
 /// The number of limits in the table.
@@ -62,9 +62,9 @@ impl<'a> Excited<'a> {
 pub fn excited_text(trajectory: &Trajectory, found: &Excitation) -> String {
     let figures = found.figures;
     let mut out = format!(
-        "{}, {} harmonics of {} Hz\n",
+        "{}, {} of {} Hz\n",
         trajectory.robot,
-        trajectory.harmonics,
+        counted(trajectory.harmonics, "harmonic", "harmonics"),
         figure(trajectory.base_frequency)
     );
     let _ = writeln!(

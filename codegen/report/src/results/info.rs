@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::diag::rounded;
+use regen_codegen::diag::{counted, rounded};
 use regen_codegen::explain::lines::{columns, field, paragraph};
 use regen_codegen::robot::{FunctionKind, Robot};
 use serde::Serialize;
@@ -102,7 +102,11 @@ pub fn info_text(robot: &Robot) -> String {
         .collect();
     let redundant = match rows.len() {
         0 => "none".to_owned(),
-        n => format!("{n} of {} closure rows: {}", robot.rows, rows.join(" ")),
+        n => format!(
+            "{n} of {}: {}",
+            counted(robot.rows, "closure row", "closure rows"),
+            rows.join(" ")
+        ),
     };
     let home = robot.coordinates.iter().zip(&robot.home);
     let home = home.map(|(name, q)| format!("{name} {}", rounded(*q)));
@@ -110,10 +114,7 @@ pub fn info_text(robot: &Robot) -> String {
     let cuts: Vec<String> = robot
         .cuts
         .iter()
-        .map(|cut| match cut.rows {
-            1 => format!("{} (1 row)", cut.name),
-            rows => format!("{} ({rows} rows)", cut.name),
-        })
+        .map(|cut| format!("{} ({})", cut.name, counted(cut.rows, "row", "rows")))
         .collect();
     for (name, value) in [
         (

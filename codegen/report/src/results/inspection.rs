@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_codegen::explain::lines::{columns, field, item, paragraph};
-use regen_identify::text::figure_of;
+use regen_identify::text::{counted, figure_of};
 use regen_inspect::{Clock, ClockSource, Column, LogFacts, Prediction, Role};
 
 /// The result of an inspection of logs.
@@ -51,7 +51,7 @@ pub fn inspection_text(found: &Inspection<'_>) -> String {
         if k > 0 {
             out.push('\n');
         }
-        one(&mut out, log);
+        write_log(&mut out, log);
     }
     if let Some(prediction) = found.prediction {
         predicted(&mut out, prediction, found.robot.unwrap_or_default());
@@ -81,14 +81,13 @@ fn clock(clock: &Clock) -> String {
     // the time that passed is not known where the clock was set back
     let span = match clock.backwards {
         0 => figure_of(4, clock.span[1] - clock.span[0]) + " s",
-        1 => "goes back at 1 row;".to_owned(),
-        rows => format!("goes back at {rows} rows;"),
+        rows => format!("goes back at {};", counted(rows, "row", "rows")),
     };
     format!(
-        "{span} at {} Hz from {source}; jitter {} ms, {} gaps",
+        "{span} at {} Hz from {source}; jitter {} ms, {}",
         figure_of(4, clock.rate),
         three(1e3 * clock.jitter),
-        clock.gaps
+        counted(clock.gaps, "gap", "gaps")
     )
 }
 
@@ -139,7 +138,7 @@ fn line(column: &Column) -> Vec<String> {
     ]
 }
 
-fn one(out: &mut String, log: &LogFacts) {
+fn write_log(out: &mut String, log: &LogFacts) {
     let _ = writeln!(out, "{}", log.log);
     out.push_str(&field(
         "rows",

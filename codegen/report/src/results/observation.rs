@@ -4,6 +4,7 @@ use regen_codegen::explain::lines::{columns, field};
 use regen_identify::choice::Choice;
 use regen_identify::estimate::FactorSet;
 use regen_identify::identify::LeftOut;
+use regen_identify::text::counted;
 use serde::Serialize;
 
 use super::{LogFile, corrected_delays_text, filter_text, resting};
@@ -67,7 +68,8 @@ pub fn observed_text(found: &Observed<'_>) -> String {
     let lines: Vec<Vec<String>> = efforts
         .map(|e| vec![e.name.to_owned(), e.rows.to_string()])
         .collect();
-    let mut out = format!("{}, {} parameters\n", found.robot, found.parameters);
+    let parameters = counted(found.parameters, "parameter", "parameters");
+    let mut out = format!("{}, {parameters}\n", found.robot);
     out.push_str(&field("equations", found.kind));
     if found.singular > 0 {
         out.push_str(&field("singular", &found.singular.to_string()));

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_codegen::explain::lines::{columns, field};
-use regen_identify::text::figure_of;
+use regen_identify::text::{counted, figure_of};
 use regen_rehearse::{ParameterScore, Score};
 use serde::Serialize;
 
@@ -48,10 +48,7 @@ impl Rehearsed<'_> {
 pub fn rehearsed_text(json: &Rehearsed<'_>) -> String {
     let score = json.score;
     let count = json.durations.len();
-    let seeds = match score.seeds {
-        1 => "1 seed".to_owned(),
-        seeds => format!("{seeds} seeds"),
-    };
+    let seeds = counted(score.seeds, "seed", "seeds");
     let mut out = format!("{}, {seeds}, {}\n", json.robot, json.estimator);
     let longest = json.durations.iter().fold(0.0, |a: f64, b| a.max(*b));
     let runs = match count {

@@ -6,6 +6,7 @@ use super::quantity_kind::{QUANTITY_KINDS, QuantityKind, matched, meant};
 use super::shape::{Column, Sink, below, column, did_you_mean, value};
 use crate::data::{Assignment, Quantity, UNITS};
 use crate::document::{Key, Node};
+use crate::text::counted;
 
 /// The content of `columns` and `time`.
 #[derive(Debug, Default)]
@@ -133,7 +134,7 @@ fn assigned(
             continue;
         }
         let before = out.assignments.len();
-        one(key, node, (info, kinds), [place, &path], sink, &mut out);
+        add_assignments(key, node, (info, kinds), [place, &path], sink, &mut out);
         let pattern = key.text.contains('*');
         let mut k = before;
         while let Some(assignment) = out.assignments.get(k) {
@@ -197,7 +198,7 @@ fn unit(text: &str) -> Option<(&'static str, f64)> {
 /// Adds the assignments of one key.
 ///
 /// - `place`, `path`: the paths of the mapping and of the key, for messages.
-fn one(
+fn add_assignments(
     key: &Key,
     node: &Node,
     (info, kinds): (&Info<'_>, &[QuantityKind]),
@@ -412,9 +413,10 @@ fn suffices(
         return true;
     }
     let names: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
-    let plural = if columns == 1 { "column" } else { "columns" };
     let message = format!(
-        "{columns} {plural} for {count} coordinates: {}",
+        "{} for {}: {}",
+        counted(columns, "column", "columns"),
+        counted(count, "coordinate", "coordinates"),
         names.join(" ")
     );
     sink.push(at, path, message, &remedy);
@@ -450,7 +452,8 @@ fn per_coordinate(
         return entry(node).map(|entry| vec![entry; count]);
     }
     if items.len() != count {
-        let message = format!("{} values for {count} coordinates", items.len());
+        let coordinates = counted(count, "coordinate", "coordinates");
+        let message = format!("{} values for {coordinates}", items.len());
         sink.push(node.at, path, message, "");
         return None;
     }

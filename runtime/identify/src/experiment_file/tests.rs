@@ -336,7 +336,7 @@ fn columns_that_contradict_each_other_are_refused() {
             "columns: {tau_q1: 'amps*35.2'}",
             "'*' stands for what it stands for in the key, and 'tau_q1' has none",
         ),
-        ("columns: {q1: [2, 3]}", "2 columns for 1 coordinates"),
+        ("columns: {q1: [2, 3]}", "2 columns for 1 coordinate: "),
         (
             "columns: {q*: [2, 3..4, 5, 6]}",
             "a column's name, its number",
@@ -344,7 +344,7 @@ fn columns_that_contradict_each_other_are_refused() {
         ("time: [1, 2]", "the time is in one column"),
         (
             "columns: {q1: {column: a, factor: [1, 2]}}",
-            "2 values for 1 coordinates",
+            "2 values for 1 coordinate",
         ),
         (
             "columns: {tau1: {column: a, gain: 3}}",

@@ -4,7 +4,7 @@ use regen_codegen::explain::lines::field;
 use regen_identify::choice::{Candidate, Choice};
 use regen_identify::data::{Bridged, FileReport, Policies, Policy, Problems, Spikes};
 use regen_identify::identify::LeftOut;
-use regen_identify::text::figure_of;
+use regen_identify::text::{counted, figure_of};
 use serde::Serialize;
 
 /// The most parts of logs that are named.
@@ -303,23 +303,22 @@ fn gaps(report: &FileReport) -> Option<String> {
         cuts,
         longest,
     } = report.bridged;
-    let s = |count: usize| if count == 1 { "" } else { "s" };
     let parts = |count: usize| {
         if report.spikes.is_empty() {
-            format!("{count} gap{0} or dropout{0}", s(count))
+            counted(count, "gap or dropout", "gaps or dropouts")
         } else {
-            format!("{count} gap{0}, dropout{0} or jump{0} of efforts", s(count))
+            let several = "gaps, dropouts or jumps of efforts";
+            counted(count, "gap, dropout or jump of efforts", several)
         }
     };
     let bridged = (count > 0).then(|| {
         let part = 100.0 * rows as f64 / (report.rows + rows) as f64;
         format!(
-            "{} of up to {largest} row{} {} bridged: {rows} row{} ({} %) {} interpolated, and the \
-             equations within left out",
+            "{} of up to {} {} bridged: {} ({} %) {} interpolated, and the equations within left out",
             parts(count),
-            s(largest),
+            counted(largest, "row", "rows"),
             if count == 1 { "was" } else { "were" },
-            s(rows),
+            counted(rows, "row", "rows"),
             figure_of(2, part),
             if rows == 1 { "is" } else { "are" },
         )
@@ -342,7 +341,7 @@ fn gaps(report: &FileReport) -> Option<String> {
 
 /// The rows of a log that were treated in one way.
 fn treated(problems: &Problems, policy: Policy) -> Option<String> {
-    let what = match policy {
+    let [one, several] = match policy {
         Policy::Keep => {
             // rows that even `keep` cannot use are reported
             let lost = problems.left_out(&Policies::from(policy));
@@ -355,13 +354,17 @@ fn treated(problems: &Problems, policy: Policy) -> Option<String> {
                 )
             });
         }
-        Policy::Tell => "are doubtful; those that are numbers are used",
-        Policy::Fail | Policy::Drop if problems.has_saturated() => {
-            "were left out, and where an effort is saturated its equations only"
-        }
-        Policy::Fail | Policy::Drop => "were left out",
+        Policy::Tell => [
+            "row or gap is doubtful, and used if it is of numbers",
+            "rows or gaps are doubtful; those that are numbers are used",
+        ],
+        Policy::Fail | Policy::Drop if problems.has_saturated() => [
+            "row was left out, and where an effort is saturated its equations only",
+            "rows or gaps were left out, and where an effort is saturated its equations only",
+        ],
+        Policy::Fail | Policy::Drop => ["row or gap was left out", "rows or gaps were left out"],
     };
     let count = problems.total();
-    let text = format!("{count} rows or gaps {what}\n{problems}");
+    let text = format!("{}\n{problems}", counted(count, one, several));
     (count > 0).then(|| text.trim_end().to_owned())
 }

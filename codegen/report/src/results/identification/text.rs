@@ -7,7 +7,7 @@ use regen_identify::files::ParameterFile;
 use regen_identify::identify::Delays;
 use regen_identify::session::LogError;
 use regen_identify::status::{self, Status};
-use regen_identify::text::{figure, figure_of};
+use regen_identify::text::{counted, figure, figure_of};
 
 use super::delays::delays_text;
 use super::models::{error_percent, models_text};
@@ -22,10 +22,10 @@ const MAX_PRINTED_PERCENT: f64 = 1000.0;
 pub fn identification_text(found: &Identification) -> String {
     let (file, summary) = (&found.file, &found.summary);
     let mut out = format!(
-        "{}, {} parameters from {} equations\n",
+        "{}, {} from {}\n",
         file.robot,
-        file.parameters.len(),
-        summary.equations
+        counted(file.parameters.len(), "parameter", "parameters"),
+        counted(summary.equations, "equation", "equations")
     );
     let condition = format!(
         "{}, with columns scaled {}",
@@ -39,7 +39,7 @@ pub fn identification_text(found: &Identification) -> String {
         out.push_str(&field("eps_RA", &format!("{error:.3} %")));
     }
     if summary.singular > 0 {
-        let text = format!("{} states left out", summary.singular);
+        let text = counted(summary.singular, "state", "states") + " left out";
         out.push_str(&field("singular", &text));
     }
     if let Some(left) = &summary.left_out {
@@ -177,8 +177,9 @@ fn parameters(file: &ParameterFile, remedy: Option<&BiasRemedy>) -> String {
         "status",
     ];
     let mut out = columns(&head, &lines);
-    let counted = status::counted(file.parameters.iter().map(|p| p.status));
-    let _ = writeln!(out, "\n  {} parameters: {counted}", file.parameters.len());
+    let statuses = status::counted(file.parameters.iter().map(|p| p.status));
+    let parameters = counted(file.parameters.len(), "parameter", "parameters");
+    let _ = writeln!(out, "\n  {parameters}: {statuses}");
     if !file.deviations.is_empty() {
         out.push_str(&field("sigma", &file.deviations));
     }

@@ -6,6 +6,7 @@ use regen_identify::friction::JointFit;
 use regen_identify::identify::LeftOut;
 use regen_identify::session::LeastSquaresStart;
 use regen_identify::signals::Smoothing;
+use regen_identify::text::counted;
 
 /// The warning about efforts that the model hardly explains: their columns may be of another joint, in
 /// another unit or dead, however small the standard deviations of the parameters are. `None` where it
@@ -229,7 +230,10 @@ fn few_equations(errors: &[EffortError], parameters: usize, left: &LeftOut) -> O
     let names: Vec<String> = few.map(|e| format!("{} ({})", e.name, e.samples)).collect();
     let ends = match left.unsettled {
         0 => String::new(),
-        n => format!("; the filter leaves out {n} samples at the ends of runs"),
+        n => format!(
+            "; the filter leaves out {} at the ends of runs",
+            counted(n, "sample", "samples")
+        ),
     };
     (!names.is_empty()).then(|| {
         format!(
