@@ -183,19 +183,13 @@ fn simulate(
                 MeasuredKind::Pose => values.split_at(9),
                 _ => (&[][..], &values[..]),
             };
-            let factor = match measured.kind {
-                MeasuredKind::Gravity => 1.0,
-                _ => measured.length_factor,
-            };
+            let factor = length_unit(measured);
             let lengths = lengths.iter().take(measured.columns.len());
             row.extend(lengths.map(|x| format!("{:.9}", x / factor)));
             if let Some((word, _)) = &measured.rotation {
                 let convention = convention(word);
                 let numbers = convention.numbers(rotation);
-                let factor = match convention {
-                    Convention::Rpy | Convention::Vector => measured.angle_factor,
-                    _ => 1.0,
-                };
+                let factor = rotation_unit(measured, convention);
                 row.extend(numbers.iter().map(|x| format!("{:.9}", x / factor)));
             }
         }
@@ -230,6 +224,34 @@ fn simulate(
         }
         Format::Json => table::json(&found),
     })
+}
+
+/// The known word that is meant by a misspelt one, as a question; else what `others` says.
+fn near_or<'k>(
+    word: &str,
+    known: impl Iterator<Item = &'k str>,
+    others: impl FnOnce() -> String,
+) -> String {
+    match nearest(word, known) {
+        Some(near) => format!("did you mean '{near}'?"),
+        None => others(),
+    }
+}
+
+/// The unit of a measurement's lengths in m; directions of gravity have none.
+fn length_unit(measured: &MeasuredFrame) -> f64 {
+    match measured.kind {
+        MeasuredKind::Gravity => 1.0,
+        _ => measured.length_factor,
+    }
+}
+
+/// The unit of the numbers of a measured rotation in rad; 1 where they are no angles.
+fn rotation_unit(measured: &MeasuredFrame, convention: Convention) -> f64 {
+    match convention {
+        Convention::Rpy | Convention::Vector => measured.angle_factor,
+        _ => 1.0,
+    }
 }
 
 fn convention(word: &str) -> Convention {
@@ -303,13 +325,10 @@ pub(crate) fn sensors(
     for (k, measured) in plan.measured.iter().enumerate() {
         let Some(frame) = frames.iter().position(|(name, _)| *name == measured.frame) else {
             let names = || frames.iter().map(|(name, _)| name.as_str());
-            let hint = match nearest(&measured.frame, names()) {
-                Some(near) => format!("did you mean '{near}'?"),
-                None => format!(
-                    "its frames and bodies are {}",
-                    names().collect::<Vec<_>>().join(", ")
-                ),
-            };
+            let hint = near_or(&measured.frame, names(), || {
+                let all = names().collect::<Vec<_>>();
+                format!("its frames and bodies are {}", all.join(", "))
+            });
             let mistake = regen_identify::files::Mistake {
                 at: measured.at,
                 path: "`calibrate`, `measure`".to_owned(),
@@ -377,16 +396,13 @@ pub(crate) fn geometry<'d>(
     }
     described.with(wanted).map_err(|name| {
         let known = described.names();
-        let near = nearest(name, known.iter().copied());
-        let hint = if let Some(near) = near {
-            format!("did you mean '{near}'?")
-        } else {
+        let hint = near_or(name, known.iter().copied(), || {
             let plain = known.iter().copied().filter(|own| !own.contains('.'));
             let owners = known.iter().filter_map(|own| Some(own.rsplit_once('.')?.0));
             let mut names: Vec<&str> = plain.chain(owners).collect();
             names.dedup();
             format!("these can be unknown: {}", names.join(", "))
-        };
+        });
         Failure::Input(format!("'{name}' is nothing of the geometry; {hint}"))
     })
 }
@@ -454,7 +470,7 @@ fn read(
         }
         let log = RawLog::open(run, settings)?;
         let layout = Layout::new(&log, settings, plan, mechanism)?;
-        let measured: Vec<usize> = layout.coordinates.iter().map(|(c, ..)| *c).collect();
+        let measured: Vec<usize> = layout.readings.iter().map(|own| own.coordinate).collect();
         let out = out.get_or_insert_with(|| Poses {
             measured: measured.clone(),
             poses: Vec::new(),
@@ -497,10 +513,17 @@ type Places<'p> = (
     Option<(Convention, Vec<usize>)>,
 );
 
+/// Where the readings of a coordinate are among the numbers of a row; `place` is `None` for a constant.
+struct Reading {
+    coordinate: usize,
+    place: Option<usize>,
+    factor: f64,
+    offset: f64,
+}
+
 /// Where a log has what is measured.
 struct Layout<'p> {
-    /// Each measured coordinate, its place among the numbers of a row, factor and offset.
-    coordinates: Vec<(usize, Option<usize>, f64, f64)>,
+    readings: Vec<Reading>,
     sensors: Vec<Places<'p>>,
 }
 
@@ -513,26 +536,30 @@ impl<'p> Layout<'p> {
     ) -> Result<Self, Failure> {
         let model = mechanism.model();
         let place = |name: &str| place(log, name, None);
-        let mut coordinates = Vec::new();
+        let mut readings = Vec::new();
         for (c, coordinate) in model.coordinates.iter().enumerate() {
             let is_own =
                 |own: &&Assignment| own.quantity == Quantity::Position(coordinate.name.clone());
             let assigned = settings.columns.iter().find(is_own);
-            match assigned {
-                Some(own) if own.from == ValuesFrom::Constant => {
-                    coordinates.push((c, None, 0.0, own.offset));
-                }
+            let (place, factor, offset) = match assigned {
+                Some(own) if own.from == ValuesFrom::Constant => (None, 0.0, own.offset),
                 Some(own) => {
-                    let at = self::place(log, &own.column, own.number)?;
-                    coordinates.push((c, Some(at), own.factor, own.offset));
+                    let place = self::place(log, &own.column, own.number)?;
+                    (Some(place), own.factor, own.offset)
                 }
                 None if log.titles().contains(&coordinate.name) => {
-                    coordinates.push((c, Some(place(&coordinate.name)?), 1.0, 0.0));
+                    (Some(place(&coordinate.name)?), 1.0, 0.0)
                 }
-                None => {}
-            }
+                None => continue,
+            };
+            readings.push(Reading {
+                coordinate: c,
+                place,
+                factor,
+                offset,
+            });
         }
-        if coordinates.is_empty() {
+        if readings.is_empty() {
             return Err(Failure::Input(format!(
                 "{}: no column is named as a coordinate, and `columns` assigns none",
                 log.name()
@@ -552,44 +579,37 @@ impl<'p> Layout<'p> {
             };
             sensors.push((measured, columns, rotation));
         }
-        Ok(Self {
-            coordinates,
-            sensors,
-        })
+        Ok(Self { readings, sensors })
     }
 
     /// The pose of a row of numbers.
     fn pose(&self, row: u64, values: &[f64]) -> Result<Pose, String> {
         let at = |place: &usize| values.get(*place).copied().unwrap_or(f64::NAN);
-        let readings = self
-            .coordinates
-            .iter()
-            .map(|(_, place, factor, offset)| place.as_ref().map_or(0.0, at) * factor + offset);
+        let readings = self.readings.iter();
+        let readings =
+            readings.map(|own| own.place.as_ref().map_or(0.0, at) * own.factor + own.offset);
         let mut sensors = Vec::new();
         for (measured, columns, rotation) in &self.sensors {
             let mut numbers = Vec::new();
             if let Some((convention, places)) = rotation {
-                let own: Vec<f64> = places.iter().map(at).collect();
-                let factor = match convention {
-                    Convention::Rpy | Convention::Vector => measured.angle_factor,
-                    _ => 1.0,
+                let factor = rotation_unit(measured, *convention);
+                let own: Vec<f64> = places.iter().map(|place| at(place) * factor).collect();
+                let titles = || {
+                    let rotation = measured.rotation.as_ref();
+                    rotation.map_or(String::new(), |(_, titles)| titles.join(", "))
                 };
-                let own: Vec<f64> = own.iter().map(|x| x * factor).collect();
                 let is_angle = matches!(convention, Convention::Rpy | Convention::Vector);
                 if is_angle && own.iter().any(|x| x.abs() > LARGEST_ANGLE) {
-                    let columns = measured
-                        .rotation
-                        .as_ref()
-                        .map_or(String::new(), |(_, c)| c.join(", "));
                     return Err(format!(
-                        "the columns {columns} are angles beyond a turn: give the measurement `angles: deg`"
+                        "the columns {} are angles beyond a turn: give the measurement `angles: deg`",
+                        titles()
                     ));
                 }
                 if own.iter().all(|x| x.is_finite()) {
                     let matrix = convention.matrix(&own).ok_or_else(|| {
                         format!(
                             "the columns {} are no rotation: look at the order and at the convention",
-                            measured.rotation.as_ref().map_or(String::new(), |(_, c)| c.join(", "))
+                            titles()
                         )
                     })?;
                     numbers.extend(matrix);
@@ -597,10 +617,7 @@ impl<'p> Layout<'p> {
                     numbers.extend([f64::NAN; 9]);
                 }
             }
-            let factor = match measured.kind {
-                MeasuredKind::Gravity => 1.0,
-                _ => measured.length_factor,
-            };
+            let factor = length_unit(measured);
             numbers.extend(columns.iter().map(|place| at(place) * factor));
             if measured.kind == MeasuredKind::Plane && columns.is_empty() {
                 numbers.push(0.0);
@@ -630,11 +647,9 @@ fn place(log: &RawLog, name: &str, number: Option<usize>) -> Result<usize, Failu
         None => titles.iter().position(|title| title == name),
     };
     let missing = || {
-        let near = nearest(name, titles.iter().map(String::as_str));
-        let hint = match near {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => format!("its columns are {}", titles.join(", ")),
-        };
+        let hint = near_or(name, titles.iter().map(String::as_str), || {
+            format!("its columns are {}", titles.join(", "))
+        });
         Failure::Input(format!("{}: it has no column '{name}'; {hint}", log.name()))
     };
     let index = index.ok_or_else(missing)?;
