@@ -44,7 +44,7 @@ pub(crate) struct Stretch {
 
 /// The means of the time and the columns over as many rows at a time as `every` says.
 #[derive(Clone, Debug, Default)]
-struct Means {
+pub(crate) struct Means {
     every: usize,
     /// The sums over the rows of the next mean.
     sums: Vec<f64>,
@@ -92,7 +92,7 @@ pub(crate) struct Trace {
     pub(crate) times: Vec<f64>,
     pub(crate) columns: Vec<Vec<f64>>,
     /// The means of the next point; they are over twice as many rows when the trace is full.
-    means: Means,
+    pub(crate) means: Means,
     /// The beginning of the log, before each doubling, the finest first: the whole is too coarse for
     /// what is fast.
     pub(crate) finer: Vec<Trace>,
