@@ -229,7 +229,7 @@ fn texts() -> Vec<Plant> {
             "CSV",
             "4.csv",
             with("tau_q1\n", "tau_q1\ns,turn,Nm\n"),
-            "1 rows cannot be read; row 2: `s` in column `t`",
+            "1 row cannot be read; row 2: `s` in column `t`",
         ),
     ]
 }
