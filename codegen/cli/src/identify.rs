@@ -170,11 +170,12 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
             .as_ref()
             .is_some_and(|error| !error.is_explained())
     });
+    // what is told already comes first
     let is_open = json
         .summary
         .suspicions
         .iter()
-        .all(|doubt| doubt.found.changed.is_none());
+        .all(|doubt| doubt.found.changed.is_none() && !doubt.found.remedy.gives_columns());
     if filter.is_some() && is_poor && is_open {
         let known = &json.summary.suspicions;
         let more = suspect::warn_without_choice(args, &model, known);

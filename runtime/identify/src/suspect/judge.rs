@@ -103,6 +103,11 @@ pub enum Remedy {
 }
 
 impl Remedy {
+    /// Whether it says how columns are to be read.
+    pub fn gives_columns(&self) -> bool {
+        matches!(self, Self::Read { columns, .. } if !columns.is_empty())
+    }
+
     /// The remedy of reading columns in another way.
     pub(super) fn columns(columns: Vec<Assignment>) -> Self {
         Self::Read {
