@@ -282,6 +282,18 @@ impl Opening<'_> {
     }
 }
 
+/// The unit that its file states of a column beside its title.
+///
+/// - `column`: its number, which counts through all tables.
+pub(super) fn unit_of(tables: &[Table], column: usize) -> Option<&str> {
+    let mut before = 0;
+    tables.iter().find_map(|table| {
+        let own = column.checked_sub(before)?;
+        before += table.titles.len();
+        table.unit(own)
+    })
+}
+
 impl Table {
     /// The index of the column that is called so in other words than its title, such as a path without
     /// its first parts, or a field behind its topic.
@@ -345,7 +357,7 @@ impl Table {
 
     /// The unit that the file states of a column beside its title.
     #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
-    pub(super) fn unit(&self, column: usize) -> Option<&str> {
+    fn unit(&self, column: usize) -> Option<&str> {
         match &self.kind {
             #[cfg(feature = "arrays")]
             Kind::Arrays(table) => table.unit(column),

@@ -2,7 +2,7 @@
 //! efforts.
 
 use super::columns::{Assignment, Quantity, ValuesFrom, file_unit, is_si};
-use super::file_rows::{Table, shortened};
+use super::file_rows::{Table, shortened, unit_of};
 use super::problem::DataError;
 use super::run::Join;
 use regen_runtime::Info;
@@ -293,7 +293,7 @@ impl<'a> Finder<'a> {
 
     /// Refuses a column that is in another unit than SI, as its file states, where the user states none.
     fn require_si(&self, quantity: &Quantity, index: usize) -> Result<(), String> {
-        let unit = self.unit(index).and_then(file_unit);
+        let unit = unit_of(self.tables, index).and_then(file_unit);
         let unit = unit.filter(|unit| quantity.units().contains(unit) && !is_si(unit));
         let Some((unit, title)) = unit.zip(self.header.get(index)) else {
             return Ok(());
@@ -306,16 +306,6 @@ impl<'a> Finder<'a> {
             "its file states that `{title}` is in {unit}: assign it with this unit, such as \
              `{quantity}={title}:{unit}{gain}`, or with {si} if the file is wrong"
         ))
-    }
-
-    /// The unit that the file states of a column.
-    fn unit(&self, index: usize) -> Option<&str> {
-        let mut before = 0;
-        self.tables.iter().find_map(|table| {
-            let own = index.checked_sub(before)?;
-            before += table.titles.len();
-            table.unit(own)
-        })
     }
 
     /// The column of an assignment or, if there is no assignment or its optional column is missing,

@@ -1,7 +1,7 @@
 //! Reads all columns of a run as unconverted numbers, to inspect a log whose content is unknown.
 
 use super::columns::{Assignment, Quantity};
-use super::file_rows::{Table, Wanted};
+use super::file_rows::{Table, Wanted, unit_of};
 use super::joined::JoinedRows;
 use super::layout::{Channel, ColumnLayout, Finder, Search, Unfit};
 use super::problem::{DataError, Problem};
@@ -159,12 +159,7 @@ impl RawLog {
     ///
     /// - `index`: that of the title.
     pub fn unit(&self, index: usize) -> Option<&str> {
-        let mut before = 0;
-        self.file.tables.iter().find_map(|table| {
-            let own = index.checked_sub(before)?;
-            before += table.titles.len();
-            table.unit(own)
-        })
+        unit_of(&self.file.tables, index)
     }
 
     /// What the files have and no column has, such as texts, arrays of other lengths and other topics, with the

@@ -284,7 +284,7 @@ impl<'a> RowChecker<'a> {
         }
         let mut own = self.spare.pop().unwrap_or_default();
         own.line = row.line;
-        own.unknown = EffortSet::default();
+        (own.bridged, own.unknown) = (false, EffortSet::default());
         own.values.clone_from(&row.values);
         let off = self.survey.off_rows.get(&row.line);
         let fault = off.map(|(entry, off)| {
@@ -308,14 +308,22 @@ impl<'a> RowChecker<'a> {
                 1
             };
             for pending in self.queue.iter_mut().rev().take(marked_rows) {
-                pending.fault = Some(Box::new(Fault::Saturated {
-                    column: self.layout.title(efforts.start + k),
-                    value: pending.row.values[efforts.start + k],
-                }));
-                // a row without a place for this effort is left out as a whole
-                match pending.row.unknown.with(k) {
-                    Some(unknown) if !self.used_faults.saturated => pending.row.unknown = unknown,
-                    _ => {}
+                if !self.used_faults.saturated {
+                    match pending.row.unknown.with(k) {
+                        Some(unknown) => pending.row.unknown = unknown,
+                        // a row without a place for this effort gives no equation
+                        None => pending.row.bridged = true,
+                    }
+                }
+                // a row that is off as a whole stays so
+                if matches!(
+                    pending.fault.as_deref(),
+                    None | Some(Fault::Saturated { .. })
+                ) {
+                    pending.fault = Some(Box::new(Fault::Saturated {
+                        column: self.layout.title(efforts.start + k),
+                        value: pending.row.values[efforts.start + k],
+                    }));
                 }
             }
         }
@@ -403,9 +411,7 @@ impl<'a> RowChecker<'a> {
         }
         if let Some(what) = pending.fault {
             // of a saturated effort the equations are left out, and the motion goes on
-            let is_saturated = matches!(*what, Fault::Saturated { .. });
-            let keep =
-                self.used_faults.uses(&what) || is_saturated && !pending.row.unknown.is_empty();
+            let keep = self.used_faults.uses(&what) || matches!(*what, Fault::Saturated { .. });
             problem(Problem::of(pending.row.line, *what));
             if !keep {
                 self.segment_ended = true;

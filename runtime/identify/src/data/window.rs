@@ -351,22 +351,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let measured: Vec<f64> = measured
             .flat_map(|effort| samples.iter().map(|k| effort[*k]))
             .collect();
-        let mut tau = vec![0.0; dof * count];
-        let mut pivots = vec![1.0; count];
-        let arguments = Arguments {
-            q: &q,
-            tau_actuated: &measured,
-            ..Arguments::EMPTY
-        };
-        let function = Function::GeneralizedForces;
-        eval_many(
-            self.model,
-            function,
-            count,
-            arguments,
-            &mut tau,
-            &mut pivots,
-        )?;
+        let (tau, pivots) = self.forces(&measured, &q, count)?;
         self.leave_out(&q, count)?;
         // the rows at which efforts are not known, with the equations in which they act
         let mut doubtful = Vec::new();
@@ -452,22 +437,23 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         Ok(())
     }
 
-    /// Whether an effort acts in each equation at some of these states.
+    /// The generalized forces of efforts at some states, and the pivots of their conditions.
     ///
-    /// - `q`: their coordinates, one series for each.
-    fn equations_of(&self, effort: usize, q: &[f64], count: usize) -> Result<Vec<bool>, DataError> {
-        let info = self.model.info();
-        let mut unit = vec![0.0; info.actuated.len() * count];
-        let own = unit.iter_mut().skip(effort * count).take(count);
-        own.for_each(|x| *x = 1.0);
-        let mut tau = vec![0.0; info.dof() * count];
+    /// - `efforts`, `q`: one series for each effort and coordinate, and so is the result for each equation.
+    fn forces(
+        &self,
+        efforts: &[f64],
+        q: &[f64],
+        count: usize,
+    ) -> Result<(Vec<f64>, Vec<f64>), DataError> {
+        let mut tau = vec![0.0; self.model.info().dof() * count];
+        let mut pivots = vec![1.0; count];
         let arguments = Arguments {
             q,
-            tau_actuated: &unit,
+            tau_actuated: efforts,
             ..Arguments::EMPTY
         };
         let function = Function::GeneralizedForces;
-        let mut pivots = vec![1.0; count];
         eval_many(
             self.model,
             function,
@@ -476,6 +462,18 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             &mut tau,
             &mut pivots,
         )?;
+        Ok((tau, pivots))
+    }
+
+    /// Whether an effort acts in each equation at some of these states.
+    ///
+    /// - `q`: their coordinates, one series for each.
+    fn equations_of(&self, effort: usize, q: &[f64], count: usize) -> Result<Vec<bool>, DataError> {
+        let info = self.model.info();
+        let mut unit = vec![0.0; info.actuated.len() * count];
+        let own = unit.iter_mut().skip(effort * count).take(count);
+        own.for_each(|x| *x = 1.0);
+        let (tau, _) = self.forces(&unit, q, count)?;
         // where the loops do not close there are no numbers
         let acts = |series: &[f64]| series.iter().any(|t| t.is_finite() && *t != 0.0);
         Ok(tau.chunks_exact(count.max(1)).map(acts).collect())

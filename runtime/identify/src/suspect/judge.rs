@@ -732,16 +732,8 @@ fn negative_inertias<M: BaseModel<f64> + ?Sized>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::swings_for_tests::{Swings, swings};
+    use super::super::swings_for_tests::{columns, swings};
     use super::*;
-
-    fn columns(model: &Swings) -> LogColumns<'_, Swings> {
-        LogColumns {
-            file: "log.csv",
-            given: &[],
-            model,
-        }
-    }
 
     #[test]
     fn one_remedy_is_told_once() {

@@ -169,6 +169,15 @@ pub(crate) fn swings(has_nominal: bool) -> Swings {
     }
 }
 
+/// The log of this model, whose columns have the usual names.
+pub(super) fn columns(model: &Swings) -> LogColumns<'_, Swings> {
+    LogColumns {
+        file: "log.csv",
+        given: &[],
+        model,
+    }
+}
+
 /// The states of a log, with a little noise in the efforts.
 pub(super) fn sample() -> Sample {
     sample_of(400, 0.02)

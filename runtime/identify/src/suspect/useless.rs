@@ -8,6 +8,7 @@ use regen_runtime::BaseModel;
 
 /// The largest relative change of an effort that is the same throughout.
 const MAX_ROUNDING: f64 = 1e-9;
+
 impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
     /// The efforts, or moving positions, of no use.
     ///
@@ -149,16 +150,8 @@ fn same(titles: &[String], sample: &Sample, of: fn(&Measured) -> &Vec<f64>) -> V
 #[cfg(test)]
 mod tests {
     use super::super::suspicions;
-    use super::super::swings_for_tests::{Swings, sample, swings, with};
+    use super::super::swings_for_tests::{columns, sample, swings, with};
     use super::*;
-
-    fn columns(model: &Swings) -> LogColumns<'_, Swings> {
-        LogColumns {
-            file: "log.csv",
-            given: &[],
-            model,
-        }
-    }
 
     /// What is told of a sample, and the columns of the remedy, if fits of the whole log leave so much of the efforts:
     /// with all of them, and without the one of this name.

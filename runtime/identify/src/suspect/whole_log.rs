@@ -233,21 +233,13 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::swings_for_tests::{Swings, sample, swings};
+    use super::super::swings_for_tests::{columns, sample, swings};
     use super::*;
     use crate::data::Quantity;
 
     /// One effort of which this part is left, percent.
     fn left(percent: f64) -> Vec<(String, f64)> {
         vec![("q1".to_owned(), percent)]
-    }
-
-    fn columns_of(model: &Swings) -> LogColumns<'_, Swings> {
-        LogColumns {
-            file: "log.csv",
-            given: &[],
-            model,
-        }
     }
 
     /// A change of the zero of the first position, and one of that of the third.
@@ -267,7 +259,7 @@ mod tests {
     /// The change that is told if the whole log is fitted so, as an assignment.
     fn told(change: &Change, whole: &WholeFit<'_>) -> Option<Assignment> {
         let model = swings(true);
-        let found = columns_of(&model).tried(change, &sample(), &[], whole)?;
+        let found = columns(&model).tried(change, &sample(), &[], whole)?;
         let Remedy::Read { columns, .. } = found.remedy else {
             return None;
         };
@@ -323,7 +315,7 @@ mod tests {
                     Some(_) => of_positions,
                 }))
             };
-            let found = columns_of(&model)
+            let found = columns(&model)
                 .tried(&change, &sample, &[], &whole)
                 .unwrap();
             let Remedy::Read { columns, .. } = found.remedy else {
@@ -360,7 +352,7 @@ mod tests {
         let model = swings(true);
         let found = |of_positions: f64| {
             let whole = with(of_positions);
-            let found = columns_of(&model)
+            let found = columns(&model)
                 .tried(&change, &sample(), &[], &whole)
                 .unwrap();
             let Remedy::Read { columns, .. } = found.remedy else {
