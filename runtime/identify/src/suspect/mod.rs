@@ -141,13 +141,10 @@ impl Change {
     /// unexplained as before and no other one far better explained: one that is noise is explained by nothing.
     fn harms(&self) -> bool {
         let (left, was) = (worst(&self.after), worst(&self.before));
-        let mut pairs = self.before.iter().zip(&self.after);
-        let is_beside_noise = left < MAX_LEFT_OF_NOISE
-            && pairs.any(|(own, after)| *own > DOUBTED_ERROR.max(MIN_GAIN_PER_COLUMN * after));
         let is_useless = left > MAX_EXPLAINED_ERROR
             && was > 0.0
             && left > MAX_LEFT_OF_WORST * was
-            && !is_beside_noise;
+            && !is_beside_noise(&self.before, &self.after);
         is_useless || is_less_explained(&self.before, &self.after)
     }
 
@@ -356,10 +353,21 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
         change.before.clone_from(&errors);
         let is_better = errors.is_empty() || quality(&change.after) < quality(&errors);
         if !change.after.is_empty() && is_better && !change.harms() {
-            return Findings {
+            let (of_units, left) = (quality(&change.after), worst(&change.after));
+            let found = Findings {
                 change: Some(change),
                 errors,
                 ..found
+            };
+            if left < DOUBTED_ERROR {
+                return found;
+            }
+            // a sign may bring a position beyond its limits as well
+            let other = look_from(model, sample, own, estimate, step);
+            let best = other.change.as_ref().map(|own| quality(&own.after));
+            return match best {
+                Some(best) if best < of_units => other,
+                _ => found,
             };
         }
     }
@@ -596,6 +604,13 @@ fn least_states<M: BaseModel<f64> + ?Sized>(model: &M) -> usize {
 fn is_less_explained(before: &[f64], after: &[f64]) -> bool {
     let mut pairs = before.iter().zip(after);
     pairs.any(|(before, after)| *after > UNEXPLAINED_ERROR.max(MAX_HARM * before))
+}
+
+/// Whether what is left is noise, which nothing explains, and another effort is explained far better.
+fn is_beside_noise(before: &[f64], after: &[f64]) -> bool {
+    let mut pairs = before.iter().zip(after);
+    worst(after) < MAX_LEFT_OF_NOISE
+        && pairs.any(|(own, after)| *own > DOUBTED_ERROR.max(MIN_GAIN_PER_COLUMN * after))
 }
 
 /// The largest error.

@@ -5,8 +5,8 @@ use super::grams::{Fit, Grams, MAX_STEPS};
 use super::unknowns::log_errors;
 use super::{
     Change, MAX_EXPLAINED_ERROR, MAX_LEFT_OF_WORST, MAX_POSITION_STATES, MIN_DOUBTED_ERROR,
-    MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, least_states,
-    quality, worst,
+    MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, is_beside_noise,
+    least_states, quality, worst,
 };
 use crate::states::{Completed, Completion};
 use regen_runtime::{BaseModel, Motion};
@@ -260,6 +260,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let after = best_errors?;
     if let Some(start) = &start
         && worst(&after) > MAX_LEFT_OF_WORST * worst(&start.errors)
+        && !is_beside_noise(&start.errors, &after)
     {
         return None;
     }

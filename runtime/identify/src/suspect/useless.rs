@@ -2,12 +2,18 @@
 //! determine the parameters.
 
 use super::words::LogColumns;
-use super::{Remedy, Sample, Suspicion, UNEXPLAINED_ERROR, WholeFit};
+use super::{DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, Remedy, Sample, Suspicion, WholeFit};
 use crate::data::{Assignment, Measured, Quantity};
 use regen_runtime::BaseModel;
 
 /// The largest relative change of an effort that is the same throughout.
 const MAX_ROUNDING: f64 = 1e-9;
+
+/// The factor by which the errors of other efforts may be larger without the equations of one.
+const MAX_LOSS: f64 = 1.02;
+
+/// The assignments that leave equations out, and the errors of the other efforts, percent.
+type LeftOut = (Vec<Assignment>, Vec<(String, f64)>);
 
 impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
     /// The efforts, or moving positions, of no use.
@@ -17,21 +23,38 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         constant(self, sample, whole).or_else(|| copies(self, sample, whole))
     }
 
-    /// The assignments that leave the equations of some efforts out, if the whole log explains the others then.
-    fn without(&self, efforts: &[usize], whole: &WholeFit<'_>) -> Option<Vec<Assignment>> {
+    /// The assignment that leaves out the one of two equal efforts that is the copy: the model explains the other, and
+    /// not the other way round.
+    fn without_copy(&self, pair: [usize; 2], whole: &WholeFit<'_>) -> Option<Vec<Assignment>> {
+        let name = |k: usize| Some(self.name(*self.model.info().actuated.get(k)?));
+        let left = |out: usize, kept: usize| -> Option<(Vec<Assignment>, f64)> {
+            let (columns, errors) = self.without(&[out], whole)?;
+            let kept = name(kept)?;
+            let error = errors.iter().find(|own| own.0 == kept)?.1;
+            Some((columns, error / 100.0))
+        };
+        let [a, b] = pair;
+        let (first, second) = (left(a, b)?, left(b, a)?);
+        let (best, other) = if first.1 < second.1 {
+            (first, second)
+        } else {
+            (second, first)
+        };
+        let is_told_apart = other.1 > DOUBTED_ERROR.max(MIN_GAIN_PER_COLUMN * best.1);
+        (best.1 < DOUBTED_ERROR && is_told_apart).then_some(best.0)
+    }
+
+    /// The assignments that leave the equations of some efforts out, and the errors of the others then; `None` where
+    /// these do not determine the parameters.
+    fn without(&self, efforts: &[usize], whole: &WholeFit<'_>) -> Option<LeftOut> {
         let name = |k: &usize| Some(self.name(*self.model.info().actuated.get(*k)?));
         let names: Option<Vec<String>> = efforts.iter().map(name).collect();
         let names = names?;
         let one = |name: &String| format!("tau_{name}=unmeasured").parse().ok();
         let columns: Option<Vec<Assignment>> = names.iter().map(one).collect();
-        let errors = whole(columns.as_deref()?)?;
-        let mut others = errors
-            .iter()
-            .filter(|own| !names.contains(&own.0))
-            .peekable();
-        others.peek()?;
-        let is_explained = |own: &(String, f64)| own.1 < 100.0 * UNEXPLAINED_ERROR;
-        others.all(is_explained).then_some(columns?)
+        let mut errors = whole(columns.as_deref()?)?;
+        errors.retain(|own| !names.contains(&own.0));
+        (!errors.is_empty()).then_some((columns?, errors))
     }
 }
 
@@ -67,11 +90,19 @@ fn constant<M: BaseModel<f64> + ?Sized>(
         ),
     };
     let advice = "No parameter is worth anything with it: log the efforts, or give other columns";
+    let before = whole(&[]).unwrap_or_default();
+    let is_no_worse = |(_, errors): &LeftOut| {
+        errors.iter().all(|(name, error)| {
+            let before = before.iter().find(|own| own.0 == *name);
+            before.is_none_or(|before| *error < MAX_LOSS * before.1)
+        })
+    };
+    let left_out = columns.without(&constant, whole).filter(is_no_worse);
     Some(columns.suspicion(
         what,
         Remedy::Read {
             advice: vec![advice.to_owned()],
-            columns: columns.without(&constant, whole).unwrap_or_default(),
+            columns: left_out.map_or_else(Vec::new, |own| own.0),
         },
     ))
 }
@@ -108,14 +139,8 @@ fn copies<M: BaseModel<f64> + ?Sized>(
         words.collect()
     };
     let said = [words(&efforts, &pairs), words(&positions, &of_positions)].concat();
-    // that of two which is the copy leaves the others unexplained
     let left_out = match (&pairs[..], &of_positions[..]) {
-        ([pair], []) => {
-            let mut ways = pair
-                .iter()
-                .filter_map(|own| columns.without(&[*own], whole));
-            ways.next().filter(|_| ways.next().is_none())
-        }
+        ([pair], []) => columns.without_copy(*pair, whole),
         _ => None,
     };
     let advice = "One of them is a copy, and what it should be is not in the log: log it, or give another column";
@@ -182,12 +207,12 @@ mod tests {
     }
 
     #[test]
-    fn the_equations_of_a_useless_effort_are_left_out_where_the_others_are_explained_then() {
+    fn the_equations_of_a_useless_effort_are_left_out_where_the_others_fit_no_worse_then() {
         let constant = with(|s| s.efforts[1] = 3.0);
         let (what, columns) = told(&constant, "tau_q2", [90.0, 5.0]);
         assert!(what.contains("`tau_q2` is the same in all rows"), "{what}");
         assert_eq!(columns, ["tau_q2=unmeasured"]);
-        assert_eq!(told(&constant, "tau_q2", [90.0, 60.0]).1, [""; 0]);
+        assert_eq!(told(&constant, "tau_q2", [10.0, 60.0]).1, [""; 0]);
         // one of two is the copy, or nothing tells which
         let copied = with(|s| s.efforts[2] = s.efforts[0]);
         assert_eq!(
