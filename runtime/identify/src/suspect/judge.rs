@@ -261,6 +261,10 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     {
         out.extend(columns.tried(change, sample, &findings.nominal, whole));
     }
+    if !findings.rectified.is_empty() {
+        out.push(columns.rectified(&findings.rectified, whole));
+        return out;
+    }
     if !findings.cut_off.is_empty() {
         out.extend(columns.cut_off(&findings.cut_off));
         return out;

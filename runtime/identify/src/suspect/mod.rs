@@ -19,6 +19,7 @@ mod motion_noise;
 mod noise;
 mod parts;
 mod positions;
+mod rectified;
 #[cfg(test)]
 pub(crate) mod swings_for_tests;
 mod trial;
@@ -266,6 +267,8 @@ pub struct Findings {
     pub far: Vec<FarEffort>,
     /// The efforts that are cut off.
     pub cut_off: Vec<CutOff>,
+    /// The efforts without their sign: indices into `Info::actuated`; no other mistake is searched then.
+    pub rectified: Vec<usize>,
     /// The parts of a log that needs other parameters in each; there is no change then.
     pub parts: Option<Parts>,
     /// The efforts that drift; only where no change explains the errors.
@@ -449,6 +452,10 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
         && let Some(now) = grams.fit(&read, &[])
     {
         out.errors.clone_from(&now.errors);
+        out.rectified = rectified::search(sample, grams, &now);
+        if !out.rectified.is_empty() {
+            return out;
+        }
         best = efforts::search(model, grams, own, &now);
         let of_motion = best
             .as_ref()
@@ -480,6 +487,9 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
                 && correlation < trial::MAX_CORRELATION_OF_NOISE;
         if !is_normal {
             best = with_numbers(best, || unknowns::search(model, sample, grams, now));
+            let numbers = best.as_ref();
+            let sign = numbers.and_then(|own| positions::sign_for_numbers(model, sample, own));
+            best = sign.or(best);
         } else if best.is_none() {
             best = unknowns::constants(model, sample, grams, now);
         }

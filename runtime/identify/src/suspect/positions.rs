@@ -362,6 +362,53 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
     best
 }
 
+/// The sign of one position, with that of its effort or without, that explains more than numbers do: positions of
+/// another sign may be explained so well that nothing else doubts them.
+pub(super) fn sign_for_numbers<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    numbers: &Change,
+) -> Option<Change> {
+    let plain = Reading::plain(numbers.efforts.len());
+    if numbers.number_count() == 0
+        || numbers.efforts != plain
+        || worst(&numbers.after) < MIN_DOUBTED_ERROR
+    {
+        return None;
+    }
+    let every = (sample.states.len() / MAX_POSITION_STATES).max(1);
+    let flipped = |list: &[Reading], k: usize| {
+        let mut out = list.to_vec();
+        out.iter_mut()
+            .skip(k)
+            .take(1)
+            .for_each(|own| own.factor = -1.0);
+        out
+    };
+    let one = |place: usize| -> Option<Change> {
+        let positions = flipped(&Reading::plain(sample.measured.len()), place);
+        let grams = Grams::of_hypothesis(model, sample, &positions, every)?;
+        let grams = Some(grams).filter(Grams::closes)?;
+        let coordinate = sample.measured.get(place)?;
+        let effort = (model.info().actuated.iter()).position(|own| own == coordinate);
+        let turned = effort.map(|k| flipped(&plain, k));
+        let fits = [Some(plain.clone()), turned].into_iter().flatten();
+        let fits = fits.filter_map(|efforts| Some((grams.fit(&efforts, &[])?.errors, efforts)));
+        let (after, efforts) = fits.min_by(|a, b| quality(&a.0).total_cmp(&quality(&b.0)))?;
+        Some(Change {
+            efforts,
+            positions,
+            before: numbers.before.clone(),
+            after,
+            ..Change::none(plain.len(), 0)
+        })
+    };
+    let best = (0..sample.measured.len()).filter_map(one);
+    let best = best.min_by(|a, b| quality(&a.after).total_cmp(&quality(&b.after)))?;
+    let is_better = MIN_GAIN_OVER_EFFORTS * quality(&best.after) < quality(&numbers.after);
+    (is_better && !best.harms()).then_some(best)
+}
+
 /// The hypotheses with the smallest product of errors at a few states, in their order.
 fn promising<M: BaseModel<f64> + ?Sized>(
     model: &M,
@@ -652,8 +699,33 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::swings_for_tests::{sample, swings, with};
+    use super::super::swings_for_tests::{sample, scale, swings, with};
     use super::*;
+
+    #[test]
+    fn the_sign_of_a_position_is_found_where_it_explains_more_than_a_number() {
+        let model = swings(false);
+        let constant_leaves = |left: f64| {
+            let mut out = Change::none(3, 3);
+            out.offsets[0] = 1.0;
+            (out.before, out.after) = (vec![2.0 * left, 0.01, 0.01], vec![left, 0.01, 0.01]);
+            out
+        };
+        let sign = |sample: &Sample, numbers: &Change| -> Option<Vec<f64>> {
+            let found = sign_for_numbers(&model, sample, numbers)?;
+            assert_eq!(found.efforts, Reading::plain(3));
+            Some(found.positions.iter().map(|own| own.factor).collect())
+        };
+        let flipped = with(|s| scale(s, 0, -1.0));
+        let constant = constant_leaves(0.04);
+        assert_eq!(sign(&flipped, &constant), Some(vec![-1.0, 1.0, 1.0]));
+        assert_eq!(sign(&with(|s| s.efforts[0] += 2.0), &constant), None);
+        // what a constant explains needs no other reason
+        assert_eq!(sign(&flipped, &constant_leaves(0.02)), None);
+        let mut another = constant;
+        another.efforts[1].factor = -1.0;
+        assert_eq!(sign(&flipped, &another), None);
+    }
 
     #[test]
     fn hypotheses_on_positions_take_the_efforts_of_their_joints_with_them() {

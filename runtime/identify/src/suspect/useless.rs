@@ -1,4 +1,4 @@
-//! Efforts of no use: the same in all rows, or copies of others. Their equations can be left out where the others
+//! Efforts of no use: the same in all rows, copies of others, or without their sign. Their equations can be left out where the others
 //! determine the parameters.
 
 use super::words::LogColumns;
@@ -21,6 +21,58 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
     /// - `whole`: fits the whole log with other columns.
     pub(super) fn useless(&self, sample: &Sample, whole: &WholeFit<'_>) -> Option<Suspicion> {
         constant(self, sample, whole).or_else(|| copies(self, sample, whole))
+    }
+
+    /// The suspicion that efforts have lost their signs.
+    pub(super) fn rectified(&self, efforts: &[usize], whole: &WholeFit<'_>) -> Suspicion {
+        let names = self.effort_columns(efforts);
+        let what = format!(
+            "{names} never {change} sign, and {sizes} explained if {was} lost",
+            change = if efforts.len() > 1 {
+                "change their"
+            } else {
+                "changes its"
+            },
+            sizes = if efforts.len() > 1 {
+                "their sizes are"
+            } else {
+                "its size is"
+            },
+            was = if efforts.len() > 1 {
+                "their signs were"
+            } else {
+                "its sign was"
+            },
+        );
+        let advice =
+            "The drive gives the size of its current or effort alone: log it with its sign";
+        self.suspicion(
+            what,
+            Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: self.without_worse(efforts, whole).unwrap_or_default(),
+            },
+        )
+    }
+
+    /// The titles of the columns of efforts, each after its noun.
+    fn effort_columns(&self, efforts: &[usize]) -> String {
+        let names: Vec<String> = (efforts.iter().copied())
+            .map(|k| format!("`{}`", self.effort(k).column))
+            .collect();
+        let noun = if names.len() > 1 { "columns" } else { "column" };
+        format!("{noun} {}", names.join(", "))
+    }
+
+    /// The assignments that leave the equations of efforts of no use out, if the others fit no worse then.
+    fn without_worse(&self, efforts: &[usize], whole: &WholeFit<'_>) -> Option<Vec<Assignment>> {
+        let before = whole(&[]).unwrap_or_default();
+        let (columns, errors) = self.without(efforts, whole)?;
+        let is_no_worse = errors.iter().all(|(name, error)| {
+            let before = before.iter().find(|own| own.0 == *name);
+            before.is_none_or(|before| *error < MAX_LOSS * before.1)
+        });
+        is_no_worse.then_some(columns)
     }
 
     /// The assignment that leaves out the one of two equal efforts that is the copy: the model explains the other, and
@@ -78,31 +130,26 @@ fn constant<M: BaseModel<f64> + ?Sized>(
     };
     let constant = (0..columns.model.info().actuated.len()).filter(is_constant);
     let constant: Vec<usize> = constant.collect();
-    let names: Vec<String> = (constant.iter().copied())
-        .map(|k| format!("`{}`", columns.effort(k).column))
-        .collect();
-    let what = match &names[..] {
-        [] => return None,
-        [one] => format!("column {one} is the same in all rows: this effort is not measured"),
-        more => format!(
-            "columns {} are the same in all rows: these efforts are not measured",
-            more.join(", ")
-        ),
+    let is_one = match constant.len() {
+        0 => return None,
+        count => count == 1,
     };
+    let what = format!(
+        "{} {} the same in all rows: {} not measured",
+        columns.effort_columns(&constant),
+        if is_one { "is" } else { "are" },
+        if is_one {
+            "this effort is"
+        } else {
+            "these efforts are"
+        },
+    );
     let advice = "No parameter is worth anything with it: log the efforts, or give other columns";
-    let before = whole(&[]).unwrap_or_default();
-    let is_no_worse = |(_, errors): &LeftOut| {
-        errors.iter().all(|(name, error)| {
-            let before = before.iter().find(|own| own.0 == *name);
-            before.is_none_or(|before| *error < MAX_LOSS * before.1)
-        })
-    };
-    let left_out = columns.without(&constant, whole).filter(is_no_worse);
     Some(columns.suspicion(
         what,
         Remedy::Read {
             advice: vec![advice.to_owned()],
-            columns: left_out.map_or_else(Vec::new, |own| own.0),
+            columns: columns.without_worse(&constant, whole).unwrap_or_default(),
         },
     ))
 }
@@ -224,6 +271,27 @@ mod tests {
             ["tau_q1=unmeasured"]
         );
         assert_eq!(told(&copied, "", [5.0, 5.0]).1, [""; 0]);
+    }
+
+    #[test]
+    fn an_effort_without_its_sign_is_left_out_where_the_others_fit_no_worse_then() {
+        let model = swings(false);
+        let sample = with(|s| s.efforts[1] = s.efforts[1].abs());
+        let told = |without: f64| {
+            let whole = |columns: &[Assignment]| {
+                let error = if columns.is_empty() { 10.0 } else { without };
+                Some(["q1", "q3"].map(|name| (name.to_owned(), error)).to_vec())
+            };
+            let found = suspicions(&columns(&model), &sample, None, &whole, &mut |_, _| {});
+            assert_eq!(found.len(), 1);
+            assert_eq!(
+                found[0].what,
+                "column `tau_q2` never changes its sign, and its size is explained if its sign was lost"
+            );
+            found[0].remedy.gives_columns()
+        };
+        assert!(told(5.0));
+        assert!(!told(20.0));
     }
 
     #[test]
