@@ -41,6 +41,9 @@ const STATED_LEVEL: f64 = 0.9995;
 /// expects one, so that the degrees of freedom of a short log do not count.
 const CORRECTED_DEVIATIONS: f64 = 3.0;
 
+/// Equations of less weight, and those beside them, tell nothing of delays.
+const WHOLE_WEIGHT: f64 = 0.95;
+
 impl Delay {
     /// Whether the delay differs from zero, see [`is_beyond_error`](Self::is_beyond_error), and slower
     /// motion does not contradict it.
@@ -438,8 +441,11 @@ struct RateWindow<'a> {
     at: BufferedEquations,
     /// The number of samples of the present run.
     run: usize,
-    /// The predicted efforts two samples before the last one.
+    /// The predicted efforts two samples before the last one, and the weights of the equations there.
     oldest: Vec<f64>,
+    oldest_weights: Vec<f64>,
+    /// The weights of the equations that tell delays.
+    weights: Vec<f64>,
     rates: Vec<f64>,
     /// Half the time between the last neighbours, s.
     step: f64,
@@ -455,6 +461,8 @@ impl<'a> RateWindow<'a> {
             at: BufferedEquations::default(),
             run: 0,
             oldest: Vec::new(),
+            oldest_weights: Vec::new(),
+            weights: Vec::new(),
             rates: Vec::new(),
             step: 0.0,
             first: true,
@@ -473,6 +481,7 @@ impl<'a> RateWindow<'a> {
         let mut next = core::mem::take(&mut self.before);
         core::mem::swap(&mut self.before, &mut self.at);
         core::mem::swap(&mut self.oldest, &mut next.predicted);
+        core::mem::swap(&mut self.oldest_weights, &mut next.weights);
         let start = next.time;
         next.fill(found, self.values);
         self.at = next;
@@ -488,11 +497,19 @@ impl<'a> RateWindow<'a> {
         self.rates
             .extend(ends.map(|(after, before)| (after - before) / span));
         let own = &self.before;
+        // beside a rest friction changes at once, at an instant that is not known to a fraction of a sample
+        let around = self.oldest_weights.iter().zip(&self.at.weights);
+        let whole = around.zip(&own.weights).map(|((before, after), weight)| {
+            let least = before.min(*after).min(*weight);
+            if least < WHOLE_WEIGHT { 0.0 } else { *weight }
+        });
+        self.weights.clear();
+        self.weights.extend(whole);
         let equations = Equations {
             time: own.time,
             w: &own.w,
             tau: &own.tau,
-            weights: &own.weights,
+            weights: &self.weights,
             follows: !core::mem::take(&mut self.first),
             held: &[],
         };
@@ -593,6 +610,24 @@ mod tests {
         assert_eq!(slower(2e-3, 1.5e-3), None);
         // less than its error is none that could be contradicted
         assert_eq!(slower(2e-4, -2e-3), None);
+    }
+
+    #[test]
+    fn equations_beside_those_of_less_weight_tell_nothing_of_delays() {
+        let mut window = RateWindow::new(&[1.0]);
+        let mut told = Vec::new();
+        for (time, weight) in [1.0, 1.0, 0.5, 1.0, 0.97, 1.0].into_iter().enumerate() {
+            let equations = Equations {
+                time: time as f64,
+                w: &[1.0],
+                tau: &[0.0],
+                weights: &[weight],
+                follows: true,
+                held: &[],
+            };
+            told.extend(window.push(&equations).map(|own| own.0.weights[0]));
+        }
+        assert_eq!(told, [0.0, 0.0, 0.0, 0.97]);
     }
 
     #[test]

@@ -58,6 +58,8 @@ const AS_GOOD: f64 = 1.7;
 /// A filter that leaves more than this many times the residuals that a filter of a higher cutoff leaves bends
 /// the motion: of the same errors it would leave less.
 const BENT: f64 = 1.5;
+/// What a filter leaves of an effort, eps_RA in percent, from which on the motion may lie above its cutoff.
+const MIN_LEFT: f64 = 3.0;
 /// So many cutoffs in a row that are not better than the best one end the search.
 const PATIENCE: usize = 2;
 /// A higher cutoff with so many times the mean square error of the best one ends it too: noise of the motion
@@ -75,6 +77,8 @@ pub(super) struct Trial {
     signal: Vec<f64>,
     /// The standard deviation of the residuals of each effort.
     residuals: Vec<f64>,
+    /// The part of each effort that is left, eps_RA, percent.
+    left: Vec<f64>,
     /// The largest residual of all efforts, in standard deviations.
     pub(super) largest: f64,
     /// Whether an effort has less than three equations for two of the parameters in them: it is fitted with its
@@ -94,6 +98,7 @@ impl Trial {
             bias: Vec::new(),
             signal: found.factor.r().to_vec(),
             residuals: found.estimate.efforts.iter().map(|own| own.sigma).collect(),
+            left: Vec::new(),
             largest: 0.0,
             is_scarce: false,
             factor: found.factor.clone(),
@@ -110,6 +115,7 @@ impl Trial {
             signal: found.factor.r().to_vec(),
             covariance: found.deviations.within_runs().to_vec(),
             residuals: Vec::new(),
+            left: Vec::new(),
             largest: 0.0,
             is_scarce: false,
             values: found.estimate.values,
@@ -171,7 +177,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
                 break;
             }
         }
-        if is_over(&errors, best) {
+        if is_over(&errors, best) && !leaves_less(trials.last(), trials.get(best)) {
             break;
         }
     }
@@ -263,6 +269,11 @@ pub(super) fn trial<M: BaseModel<f64> + ?Sized>(
         values: pairs.map(|(x, bias)| x - bias).collect(),
         bias,
         residuals: found.estimate.efforts.iter().map(|own| own.sigma).collect(),
+        left: found
+            .errors
+            .iter()
+            .map(|own| own.relative_absolute)
+            .collect(),
         largest: (found.errors.iter().zip(&found.estimate.efforts))
             .map(|(own, fit)| own.largest / fit.sigma)
             .fold(0.0, f64::max),
@@ -447,6 +458,15 @@ pub(super) fn moved_by_cutoff<M: BaseModel<f64> + ?Sized>(
         .then(|| pairs.map(|(own, other)| own - other).collect()))
 }
 
+/// Whether the last filter leaves a far smaller part of an effort that the best one does not explain: the motion is
+/// above the best cutoff, which a higher one may show to bend it.
+fn leaves_less(last: Option<&Trial>, best: Option<&Trial>) -> bool {
+    last.zip(best).is_some_and(|(last, best)| {
+        let mut pairs = last.left.iter().zip(&best.left);
+        pairs.any(|(last, best)| *best > MIN_LEFT && best.is_finite() && BENT * last < *best)
+    })
+}
+
 /// Whether no cutoff above the last one is worth a trial.
 ///
 /// - `best`: the index of the best one.
@@ -545,6 +565,7 @@ mod tests {
             signal: factor.r().to_vec(),
             factor,
             residuals: vec![residual],
+            left: vec![100.0 * residual],
             largest: 1.0,
             is_scarce: false,
         }
@@ -677,6 +698,16 @@ mod tests {
             (cutoff / 3.2 - 1.0).abs() < 0.05 && place == 1,
             "{cutoff} {place}"
         );
+    }
+
+    #[test]
+    fn the_search_goes_on_where_higher_cutoffs_leave_less_of_an_effort() {
+        let left = |percent: f64| trial_of(1.0, 1.0, 0.1, percent / 100.0);
+        let goes_on = |last: f64, best: f64| leaves_less(Some(&left(last)), Some(&left(best)));
+        assert!(goes_on(4.0, 12.0) && goes_on(0.1, 3.1));
+        assert!(!goes_on(12.0, 12.0) && !goes_on(9.0, 12.0));
+        // so little may be noise
+        assert!(!goes_on(0.1, 2.9) && !leaves_less(None, Some(&left(12.0))));
     }
 
     #[test]

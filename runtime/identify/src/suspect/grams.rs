@@ -88,7 +88,7 @@ const RIDGE: f64 = 1e-10;
 const MAX_RESTING_PART: f64 = 0.7;
 /// The square of the least rms of an effort about its mean that errors are compared with, over its rms: what is left of
 /// a constant weight may be as large as its change, and is a small error.
-const LEAST_SPREAD: f64 = 1e-2;
+pub(super) const LEAST_SPREAD: f64 = 1e-2;
 /// The smallest relative error of an equation that its weight is computed from.
 const MIN_RELATIVE_ERROR: f64 = 1e-3;
 /// Of what an error is below that of noise alone so much counts: no change is made for it, and sizes of changes that are made

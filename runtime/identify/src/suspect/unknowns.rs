@@ -107,6 +107,8 @@ struct Search<'a, M: ?Sized> {
     every: usize,
     /// How many states may still be computed.
     left: Cell<usize>,
+    /// For each equation: rms of the efforts about their mean without numbers, see [`Fit`].
+    spreads: &'a [f64],
 }
 
 /// Finds the numbers that explain the errors, if that is no chance: zeros, constants and single delays, or else, or
@@ -154,6 +156,7 @@ fn search_among<M: BaseModel<f64> + ?Sized>(
         sample,
         every: sample.states.len().div_ceil(STATES.max(least)).max(1),
         left: Cell::new(MAX_WORK.max(MIN_PASSES * least).max(2 * sample.whole)),
+        spreads: &now.spreads,
     };
     let mut found = few.of(Vec::new())?;
     // beyond a part of a swing no slope leads to a delay, nor to a zero where loops do not close
@@ -259,6 +262,7 @@ pub(super) fn constants<M: BaseModel<f64> + ?Sized>(
             .div_ceil(grams.stored.len().max(1))
             .max(1),
         left: Cell::new(usize::MAX),
+        spreads: &now.spreads,
     };
     let values = offsets.iter().map(|k| Unknown::Effort(*k)).zip(values);
     let values: Vec<(Unknown, f64)> = values.map(|(of, value)| (of, *value)).collect();
@@ -547,7 +551,15 @@ impl<M: BaseModel<f64> + ?Sized> Search<'_, M> {
     fn of(&self, values: Vec<(Unknown, f64)>) -> Option<Tried> {
         let (states, grams) = self.sums(&values)?;
         let efforts = self.model.info().actuated.len();
-        let fit = grams.fit(&Reading::plain(efforts), &[])?;
+        let mut fit = grams.fit(&Reading::plain(efforts), &[])?;
+        if values.iter().any(|own| matches!(own.0, Unknown::Effort(_))) {
+            // a constant may make an effort as large as one likes, and its relative error as small
+            let pairs = fit.errors.iter_mut().zip(&mut fit.spreads);
+            for ((error, spread), before) in pairs.zip(self.spreads) {
+                *error *= *spread / before;
+                *spread = *before;
+            }
+        }
         Some(Tried {
             values,
             states,
@@ -831,6 +843,7 @@ mod tests {
             sample: &sample,
             every: 1,
             left: Cell::new(usize::MAX),
+            spreads: &now.spreads,
         };
         let none = all.of(Vec::new()).unwrap();
         let own = all.settled(all.of(vec![(Unknown::Effort(1), value)]).unwrap());

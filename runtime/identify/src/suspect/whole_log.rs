@@ -1,6 +1,7 @@
 //! Fits whole logs with columns that are read in another way, so that a change of columns is advised only where the
 //! log fits better with it.
 
+use super::grams::LEAST_SPREAD;
 use super::words::LogColumns;
 use super::{Change, EffortChange, Nominal, Remedy, Sample, Suspicion};
 use crate::data::Assignment;
@@ -14,18 +15,31 @@ const MAX_LOSS_OF_SIGNS: f64 = 1.02;
 const PART_OF_ZERO: f64 = 0.1;
 /// A zero that is a whole number of quarters of a turn, but for rounding, is round.
 const MAX_OFF_QUARTERS: f64 = 1e-9;
-/// The smallest error of an effort that is compared, percent.
+/// The smallest error of an effort that is compared, percent, and the smallest one for which columns are read in
+/// another way: what friction leaves at reversals is smaller with another unit, too.
 const LEAST_ERROR: f64 = 0.1;
+const LEAST_DOUBTED_ERROR: f64 = 1.0;
 
 /// Fits the whole log with some columns read in another way, and returns the error of each effort with its name, as
 /// [`errors_with_columns`](crate::session::errors_with_columns) does; `None` where no fit is possible or known.
 pub type WholeFit<'a> = dyn Fn(&[Assignment]) -> Option<Vec<(String, f64)>> + 'a;
 
+/// The rms about the mean of values less a constant, at least a tenth of their rms.
+fn spread_of(values: &[f64], constant: f64) -> f64 {
+    let count = values.len().max(1) as f64;
+    let values = values.iter().map(|u| u - constant);
+    let mean = values.clone().sum::<f64>() / count;
+    let square = values.map(|u| u * u).sum::<f64>() / count;
+    (square - mean * mean).max(LEAST_SPREAD * square).sqrt()
+}
+
 /// The product of the errors of the efforts, as the sum of its logarithms.
-fn log_product(errors: &[(String, f64)]) -> f64 {
+///
+/// - `least`: what a smaller error counts as, percent.
+fn log_product(errors: &[(String, f64)], least: f64) -> f64 {
     let errors = errors.iter().map(|own| own.1);
     let errors = errors.filter(|error| error.is_finite());
-    errors.map(|error| libm::log(error.max(LEAST_ERROR))).sum()
+    errors.map(|error| libm::log(error.max(least))).sum()
 }
 
 /// A change with which the whole log was fitted.
@@ -113,7 +127,8 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             let Remedy::Read { columns, .. } = &found.remedy else {
                 return None;
             };
-            let errors = whole(columns).filter(|_| !columns.is_empty())?;
+            let mut errors = whole(columns).filter(|_| !columns.is_empty())?;
+            self.over_sizes_without(change, sample, &mut errors);
             let change = change.clone();
             Some(Fitted {
                 change,
@@ -129,7 +144,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let (mut best, mut is_told_apart) = (first, true);
         for own in rivals {
             let gain = best.as_ref().map_or(f64::INFINITY, |best| {
-                log_product(&best.errors) - log_product(&own.errors)
+                log_product(&best.errors, LEAST_ERROR) - log_product(&own.errors, LEAST_ERROR)
             });
             let is_flipped = Some(&own.change) == flipped.as_ref();
             is_told_apart &= !is_flipped || gain.abs() > libm::log(MIN_GAIN_OF_RIVAL);
@@ -148,7 +163,12 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             out.what += ", or that of the position, which this log does not tell apart";
         }
         if let Some(before) = &before {
-            let gain = log_product(before) - log_product(&best.errors);
+            let floor = if best.change.number_count() > 0 {
+                LEAST_ERROR
+            } else {
+                LEAST_DOUBTED_ERROR
+            };
+            let gain = log_product(before, floor) - log_product(&best.errors, floor);
             let least = if change.sign {
                 -libm::log(MAX_LOSS_OF_SIGNS)
             } else {
@@ -173,6 +193,26 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             out.efforts = both.collect();
         }
         Some(out)
+    }
+
+    /// Makes errors of efforts from which a change takes constants those over the sizes of the efforts with the
+    /// constants: an effort may be made as large as one likes by one, and its relative error as small.
+    fn over_sizes_without(&self, change: &Change, sample: &Sample, errors: &mut [(String, f64)]) {
+        let readings = change.efforts.iter().zip(&change.offsets);
+        for (effort, (own, offset)) in readings.enumerate() {
+            let coordinate = self.model.info().actuated.get(effort);
+            let name = coordinate.map(|own| self.name(*own)).unwrap_or_default();
+            let mut errors = errors.iter_mut().filter(|own| own.0 == name);
+            if let Some(error) = errors.next().filter(|_| *offset != 0.0) {
+                let values = sample
+                    .states
+                    .iter()
+                    .filter_map(|state| state.efforts.get(own.from));
+                let values: Vec<f64> = values.map(|u| own.factor * u).collect();
+                let ratio = spread_of(&values, *offset) / spread_of(&values, 0.0);
+                error.1 *= if ratio.is_finite() { ratio } else { 1.0 };
+            }
+        }
     }
 
     /// The change of the signs of the positions whose efforts have another sign with a change, which tells apart only
@@ -366,6 +406,43 @@ mod tests {
         assert_eq!(found(11.0), (Quantity::Effort("q2".to_owned()), false));
         assert_eq!(found(9.99), (Quantity::Effort("q2".to_owned()), true));
         assert_eq!(found(5.0), (Quantity::Position("q2".to_owned()), false));
+    }
+
+    #[test]
+    fn an_effort_that_a_constant_only_makes_larger_is_explained_no_better() {
+        let sample = sample();
+        let values: Vec<f64> = sample.states.iter().map(|own| own.efforts[0]).collect();
+        let constant = -40.0 * spread_of(&values, 0.0);
+        let larger = spread_of(&values, constant) / spread_of(&values, 0.0);
+        assert!(larger > 3.0, "{larger}");
+        let mut change = Change::none(3, 3);
+        change.offsets[0] = constant;
+        (change.before, change.after) = (vec![0.1; 3], vec![0.02; 3]);
+        let told = |residual: f64| {
+            let whole = |columns: &[Assignment]| {
+                Some(left(if columns.is_empty() {
+                    10.0
+                } else {
+                    residual / larger
+                }))
+            };
+            told(&change, &whole).is_some()
+        };
+        assert!(told(9.0) && !told(10.1));
+    }
+
+    #[test]
+    fn columns_are_not_exchanged_in_a_log_that_is_explained_within_a_percent() {
+        let mut change = Change::none(3, 3);
+        (change.efforts[0].from, change.efforts[1].from) = (1, 0);
+        (change.before, change.after) = (vec![0.1; 3], vec![0.02; 3]);
+        let told = |before: f64, after: f64| {
+            let whole = |columns: &[Assignment]| {
+                Some(left(if columns.is_empty() { before } else { after }))
+            };
+            told(&change, &whole).is_some()
+        };
+        assert!(told(1.5, 0.5) && !told(0.9, 0.2));
     }
 
     #[test]
