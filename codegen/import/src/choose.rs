@@ -95,7 +95,8 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
                             let message = format!(
                                 "the loops do not close, wherever they start: at the nearest state that was found {open}"
                             );
-                            let hint = if elsewhere(true).is_ok() {
+                            let is_held = !(0..model.rows()).all(|row| holds_point(model, row));
+                            let hint = if is_held && elsewhere(true).is_ok() {
                                 "they close where cuts hold points alone and no directions: if these are balls, say so \
                                  (3d for 6d in robot.yaml, spherical in <loop>, <connect> for <weld> in MJCF)"
                             } else {
@@ -131,6 +132,9 @@ const STEPS: usize = 100;
 /// The largest gap of a closed state, in the mechanism's units.
 const CLOSED: f64 = 1e-11;
 
+/// A step that takes no more than this part off the sum of squares is at its least, and no step to a closed state.
+const LEAST: f64 = 1e-7;
+
 /// Whether this cosine of a cut tells of a half turn between its frames.
 fn is_half_turn(cosine: f64) -> bool {
     cosine < 0.5
@@ -156,6 +160,10 @@ fn closed_elsewhere(
     const MAX_WORK: f64 = 2e9;
     /// States that are enough to choose from.
     const ENOUGH: usize = 6;
+    /// If so many starts end as near to a closed state and none nearer, no state is closed.
+    const MET: u32 = 24;
+    /// Relative difference of sums of squares that count as the same.
+    const AS_NEAR: f64 = 1e-3;
     let count = model.coordinates.len();
     // multiples of irrational numbers spread the starts evenly, the later ones wider
     let spread = |start: u32, k: usize| {
@@ -188,20 +196,24 @@ fn closed_elsewhere(
         let rows = part.rows.len() as f64;
         let of_start = STEPS as f64 * rows * rows * (rows + part.coordinates.len() as f64);
         let starts = (0..STARTS).take_while(|start| f64::from(*start) * of_start < MAX_WORK);
-        let mut nearest = (f64::INFINITY, zero.clone());
-        let states = starts.filter_map(|start| match closed_from(at(start), loops, &part) {
-            Ok(q) => {
-                let farthest = q.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-                (points || !is_turned(&q)).then_some((farthest, q))
-            }
-            Err(open) => {
-                if open.0 < nearest.0 {
-                    nearest = open;
+        let mut states: Vec<(f64, Vec<f64>)> = Vec::new();
+        // the nearest state that is not closed, with the number of starts that ended as near
+        let (mut nearest, mut met) = ((f64::INFINITY, zero.clone()), 0);
+        for start in starts {
+            match closed_from(at(start), loops, &part) {
+                Ok(q) if points || !is_turned(&q) => {
+                    let farthest = q.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+                    states.push((farthest, q));
                 }
-                None
+                Ok(_) => {}
+                Err(open) if open.0 < (1.0 - AS_NEAR) * nearest.0 => (nearest, met) = (open, 1),
+                Err(open) => met += u32::from(open.0 <= (1.0 + AS_NEAR) * nearest.0),
             }
-        });
-        let closest = states.take(ENOUGH).min_by(|a, b| a.0.total_cmp(&b.0));
+            if states.len() >= ENOUGH || states.is_empty() && met >= MET {
+                break;
+            }
+        }
+        let closest = states.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         all_closed &= closest.is_some();
         if points && !all_closed {
             break;
@@ -286,25 +298,30 @@ fn closed_from(
         let a: Vec<Vec<f64>> = rows().map(own).collect();
         (f, a)
     };
+    // A A^T with f behind it
+    let products = |f: &[f64], a: &[Vec<f64>]| -> Vec<Vec<f64>> {
+        let mut all = vec![vec![0.0; f.len() + 1]; f.len()];
+        for (i, row) in a.iter().enumerate() {
+            for (j, other) in a.iter().enumerate().take(i + 1) {
+                let product = dot(row, other);
+                (all[i][j], all[j][i]) = (product, product);
+            }
+            all[i][f.len()] = f[i];
+        }
+        all
+    };
     let (mut f, mut a) = normal(&q);
+    let mut of_state = products(&f, &a);
     let mut damping = 1e-2;
     for _ in 0..STEPS {
         if f.iter().all(|x| x.abs() <= CLOSED) {
             return Ok(q);
         }
         // (A A^T + damping) y = f, step = -A^T y
-        let mut rows: Vec<Vec<f64>> = a
-            .iter()
-            .zip(&f)
-            .enumerate()
-            .map(|(i, (row, f))| {
-                let products = a.iter().map(|other| dot(row, other));
-                let mut row: Vec<f64> = products.collect();
-                row[i] += damping;
-                row.push(*f);
-                row
-            })
-            .collect();
+        let mut rows = of_state.clone();
+        for (i, row) in rows.iter_mut().enumerate() {
+            row[i] += damping;
+        }
         let Some(y) = solved(&mut rows) else { break };
         let mut next = q.clone();
         for (k, c) in part.coordinates.iter().enumerate() {
@@ -313,7 +330,12 @@ fn closed_from(
         }
         let (after, jacobian) = normal(&next);
         if sum(&after) < sum(&f) {
+            let is_least = damping < 1.0 && sum(&after) > (1.0 - LEAST) * sum(&f);
             (q, f, a) = (next, after, jacobian);
+            if is_least {
+                break;
+            }
+            of_state = products(&f, &a);
             damping = (damping * 0.2).max(1e-14);
         } else {
             damping *= 6.0;
