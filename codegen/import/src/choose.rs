@@ -74,37 +74,21 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
                 Err(HomeProblem::NotClosed { near, residual, .. }) => {
                     let mut found = near.clone();
                     found.retain(|state| !is_turned(state));
-                    let mut nearest = None;
-                    if found.is_empty() {
-                        match elsewhere(false) {
-                            Ok(state) => found.push(state),
-                            Err(state) => nearest = Some(state),
-                        }
-                    }
-                    let (message, hint) = described(&mechanism, &problem);
-                    match nearest {
-                        None => (message, closing(&found, model, home_option).unwrap_or(hint)),
-                        Some(state) => {
-                            let open = HomeProblem::NotClosed {
-                                residual: *residual,
-                                gaps: gaps(&loops, model, &state),
-                                near: Vec::new(),
-                            };
-                            let (open, _) = described(&mechanism, &Err(open));
-                            let open = open.split_once(": ").map_or(open.as_str(), |own| own.1);
-                            let message = format!(
-                                "the loops do not close, wherever they start: at the nearest state that was found {open}"
-                            );
-                            let is_held = !(0..model.rows()).all(|row| holds_point(model, row));
-                            let hint = if is_held && elsewhere(true).is_ok() {
-                                "they close where cuts hold points alone and no directions: if these are balls, say so \
-                                 (3d for 6d in robot.yaml, spherical in <loop>, <connect> for <weld> in MJCF)"
-                            } else {
-                                "no closed state was found from many starts: lengths, axes or the frames of these cuts \
-                                 contradict one another, or joints are missing: mend the file"
-                            };
-                            (message, hint.to_owned())
-                        }
+                    let nearest = if found.is_empty() {
+                        elsewhere(false).map(|state| found.push(state)).err()
+                    } else {
+                        None
+                    };
+                    if let Some(state) = nearest {
+                        let open = HomeProblem::NotClosed {
+                            residual: *residual,
+                            gaps: gaps(&loops, model, &state),
+                            near: Vec::new(),
+                        };
+                        never_closed(&mechanism, open, || elsewhere(true).is_ok())
+                    } else {
+                        let (message, hint) = described(&mechanism, &problem);
+                        (message, closing(&found, model, home_option).unwrap_or(hint))
                     }
                 }
                 Err(HomeProblem::Singular { remedy, .. }) => {
@@ -127,11 +111,49 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
     }
 }
 
+/// The message and the hint of loops that a search has not closed.
+///
+/// - `open`: the gaps at the nearest state that it found;
+/// - `meets`: whether the points of the cuts meet, in whatever directions.
+fn never_closed(
+    mechanism: &Mechanism,
+    open: HomeProblem,
+    meets: impl Fn() -> bool,
+) -> (String, String) {
+    /// Wider gaps, m and rad, are no rounding.
+    const WIDE: f64 = 1e-3;
+    let model = mechanism.model();
+    let is_wide = match &open {
+        HomeProblem::NotClosed { gaps, .. } => {
+            gaps.iter().any(|gap| gap.metres.max(gap.radians) > WIDE)
+        }
+        _ => false,
+    };
+    let (message, hint) = described(mechanism, &Err(open));
+    let gaping = message
+        .split_once(": ")
+        .map_or(message.as_str(), |own| own.1);
+    let message = format!(
+        "the loops do not close, wherever they start: at the nearest state that was found {gaping}"
+    );
+    if !is_wide {
+        return (message, hint);
+    }
+    let is_held = !(0..model.rows()).all(|row| holds_point(model, row));
+    let hint = if is_held && meets() {
+        "they close where cuts hold points alone and no directions: if these are balls, say so (3d for 6d in robot.yaml, \
+         spherical in <loop>, <connect> for <weld> in MJCF)"
+    } else {
+        "no closed state was found from many starts: lengths, axes or the frames of these cuts contradict one another, or \
+         joints are missing: mend the file"
+    };
+    (message, hint.to_owned())
+}
+
 /// The number of steps by which a search for a closed state ends.
 const STEPS: usize = 100;
 /// The largest gap of a closed state, in the mechanism's units.
 const CLOSED: f64 = 1e-11;
-
 /// A step that takes no more than this part off the sum of squares is at its least, and no step to a closed state.
 const LEAST: f64 = 1e-7;
 

@@ -177,7 +177,8 @@ impl Table {
         &self.titles
     }
 
-    /// What the recording has besides its topic, with the reasons why it is in no column.
+    /// What the recording has and no column has, with the reasons: other topics, texts and further fields of
+    /// messages, and messages that lack a joint of others.
     pub fn absent(&self) -> &[(String, String)] {
         &self.absent
     }
