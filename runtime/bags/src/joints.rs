@@ -238,8 +238,12 @@ impl Arrangement {
             (_, ["header", "stamp", _] | ["header", "seq"])
             | (Self::State, ["name" | "position" | "velocity" | "effort"])
             // differences of two other points, and the time within a trajectory that a state has not
-            | (Self::Controller, ["joint_names"] | ["error" | "multi_dof_error", ..])
-            | (Self::Controller, [_, "time_from_start", _])
+            | (
+                Self::Controller,
+                ["joint_names"]
+                | ["error" | "multi_dof_error", ..]
+                | [_, "time_from_start", _],
+            )
             | (Self::Interfaces(_), ["interface_values", "interface_names" | "values"]) => true,
             (Self::Controller, [point, list]) => {
                 let is_point = POINTS.iter().any(|own| own.0 == *point || own.1 == *point);
