@@ -535,7 +535,9 @@ fn recordings() -> Vec<Plant> {
     let more = |field: &str, bytes: &[u8]| {
         let definition = format!("{JOINT_STATE}{field}\n");
         let mut all = states(0, "q1");
-        all.iter_mut().for_each(|own| own.1.extend(bytes));
+        for (_, data) in &mut all {
+            data.extend(bytes);
+        }
         mcap(&[Topic {
             name: "/joint_states",
             kind,
