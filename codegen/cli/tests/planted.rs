@@ -531,7 +531,59 @@ fn recordings() -> Vec<Plant> {
     let word = vec![(5, vec![0, 1, 0, 0, 7, 0, 0, 0])];
     let mut both = states(0, "q1");
     both.extend(states(3_000_000, "oddity"));
+    // messages of joint states with more behind their last list, or a frame in the place of the empty one
+    let more = |field: &str, bytes: &[u8]| {
+        let definition = format!("{JOINT_STATE}{field}\n");
+        let mut all = states(0, "q1");
+        for (_, data) in &mut all {
+            data.extend(bytes);
+        }
+        mcap(&[Topic {
+            name: "/joint_states",
+            kind,
+            definition: &definition,
+            messages: all,
+        }])
+    };
+    let mut framed = states(0, "q1");
+    for (_, bytes) in &mut framed {
+        bytes[12] = 4;
+        bytes[16..19].copy_from_slice(b"arm");
+    }
+    let number = [&[0; 4][..], &doubles(&[3.0])].concat();
+    // a joint that some messages lack
+    let [_, q, tau] = pendulum().map(|own| own.1);
+    let some = (0..ROWS).map(|k| {
+        let all = [("q1", q[k], tau[k]), ("oddity", q[k], tau[k])];
+        let count = if k < 10 { 1 } else { 2 };
+        (stamp(k), joint_state(stamp(k), &all[..count]))
+    });
+    let some = some.collect();
     vec![
+        (
+            "MCAP",
+            "9.mcap",
+            mcap(&[topic("/joint_states", kind, JOINT_STATE, some)]),
+            "in no column: `10 of 100 messages` (they lack the joint oddity",
+        ),
+        (
+            "MCAP",
+            "5.mcap",
+            mcap(&[topic("/joint_states", kind, JOINT_STATE, framed)]),
+            "no column: `header.frame_id` (it has text)",
+        ),
+        (
+            "MCAP",
+            "6.mcap",
+            more("string oddity", &[5, 0, 0, 0, b'a', b'u', b't', b'o', 0]),
+            "no column: `oddity` (it has text)",
+        ),
+        (
+            "MCAP",
+            "7.mcap",
+            more("float64[] oddity", &[&[1, 0, 0, 0][..], &number].concat()),
+            "no column: `oddity` (its numbers are no states of joints)",
+        ),
         (
             "MCAP",
             "1.mcap",
@@ -600,13 +652,59 @@ fn what_is_planted_into_a_log_is_told_by_inspect() {
     );
     let odd = ("Parquet", "3.parquet", Vec::new(), "4 oddity unknown");
     assert_told(&dir, &["inspect", "3.parquet"], &odd);
+    // a topic of another type, whose numbers are columns
+    let of_fields = |k: usize| {
+        let [_, q, tau] = pendulum().map(|own| own.1);
+        let numbers = doubles(&[q[k], tau[k]]);
+        let data = [&[0, 1, 0, 0][..], &numbers, &[5, 0, 0, 0], b"auto\0"].concat();
+        (k as u64 * 10_000_000, data)
+    };
+    let state = Topic {
+        name: "/state",
+        kind: "odd/msg/State",
+        definition: "float64 q1\nfloat64 tau_q1\nOddity oddity\n\
+                     ================================================================================\n\
+                     MSG: odd/Oddity\nstring mode\n",
+        messages: (0..ROWS).map(of_fields).collect(),
+    };
+    let of_fields = "no column: `oddity.mode` (it has text)";
+    let of_fields = ("MCAP", "8.mcap", mcap(&[state]), of_fields);
+    fs::write(dir.join(of_fields.1), &of_fields.2).unwrap();
+    let words = ["inspect", of_fields.1, "--topic", "/state"];
+    assert_told(&dir, &words, &of_fields);
+    // efforts of a joint that the robot lacks
+    fs::write(dir.join("spec.yaml"), SPEC).unwrap();
+    let other = csv("tau_oddity", "2.5").replacen("2.5\n", "-2.5\n", ROWS / 2);
+    let other = (
+        "CSV",
+        "5.csv",
+        other.into_bytes(),
+        "read for no joint of pendulum: `tau_oddity`",
+    );
+    fs::write(dir.join(other.1), &other.2).unwrap();
+    assert_told(&dir, &["inspect", other.1, "--spec", "spec.yaml"], &other);
     // nothing is told of a log that has nothing besides
     fs::write(dir.join("plain.csv"), csv("", "")).unwrap();
-    let plain = told(&dir, &["inspect", "plain.csv"]);
-    assert!(
-        !plain.contains("no column") && !plain.contains("units that"),
-        "{plain}"
-    );
+    let [_, q, tau] = pendulum().map(|own| own.1);
+    let states = Topic {
+        name: "/joint_states",
+        kind: "sensor_msgs/msg/JointState",
+        definition: JOINT_STATE,
+        messages: (0..ROWS)
+            .map(|k| (k as u64 * 10_000_000, k))
+            .map(|(time, k)| (time, joint_state(time, &[("q1", q[k], tau[k])])))
+            .collect(),
+    };
+    fs::write(dir.join("plain.mcap"), mcap(&[states])).unwrap();
+    for words in [
+        &["inspect", "plain.csv"][..],
+        &["inspect", "plain.csv", "--spec", "spec.yaml"],
+        &["inspect", "plain.mcap"],
+    ] {
+        let plain = told(&dir, words);
+        let silent = ["no column", "units that", "no joint"];
+        assert!(!silent.iter().any(|own| plain.contains(own)), "{plain}");
+    }
     let formats: std::collections::BTreeSet<&str> =
         plants.iter().chain(&robots()).map(|own| own.0).collect();
     assert!(

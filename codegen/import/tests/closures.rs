@@ -290,6 +290,38 @@ fn a_robot_yaml_beside_the_file_closes_its_loops() {
     assert_has(&wrong[0].to_string(), "no link is called 'tip'");
 }
 
+/// The error about a five-bar whose tips are welded, one of them in this place.
+fn refused_tips(origin: &str) -> String {
+    let tips = [("b", "xyz=\"0.35 0 0\""), ("d", origin)].map(|(link, origin)| {
+        format!(
+            "<link name=\"tip_{link}\"/><joint name=\"t{link}\" type=\"fixed\"><parent link=\"{link}\"/>\
+             <child link=\"tip_{link}\"/><origin {origin}/></joint>"
+        )
+    });
+    let urdf = Source::new("five.urdf", five_bar(&tips.concat()));
+    let mut reader = |name: &str| match name {
+        "robot.yaml" => Ok(b"closed_loop: [[tip_b, tip_d]]\ntype: ['6d']\n".to_vec()),
+        _ => Err("there is none".to_owned()),
+    };
+    let found = import(&urdf, &mut reader, &Options::default());
+    found.unwrap_err()[0].to_string()
+}
+
+#[test]
+fn loops_that_no_state_closes_are_told_with_their_gaps_and_what_would_close_them() {
+    // the axes of a five-bar are parallel, so that its tips never turn to each other
+    let turned = refused_tips("xyz=\"0.35 0 0\" rpy=\"0.3 0 0\"");
+    assert_has(&turned, "the loops do not close, wherever they start");
+    assert_has(&turned, "cut 'tip_b_tip_d' gapes by");
+    assert_has(&turned, "they close where cuts hold points alone");
+    let apart = refused_tips("xyz=\"0.35 0.1 0\"");
+    assert_has(
+        &apart,
+        "at the nearest state that was found cut 'tip_b_tip_d' gapes by 0.1 m",
+    );
+    assert_has(&apart, "contradict one another, or joints are missing");
+}
+
 #[test]
 fn transmissions_are_drives_with_their_ratio_and_rotor() {
     let with = |transmission: &str| imported(&five_bar(transmission)).spec;

@@ -9,6 +9,8 @@ use crate::spec::Spec;
 const TINY: f64 = 1e-6;
 /// Gaps below this are of rounded lengths and angles, m and rad.
 const NEARLY: f64 = 1e-3;
+/// The largest number of gaps in a message, the widest first.
+const MAX_SAID: usize = 6;
 /// Independent coordinates that differ more from home than this were moved, rad and m.
 const MOVED: f64 = 1e-6;
 
@@ -24,8 +26,11 @@ pub(super) fn not_closed(
     independent: &str,
 ) -> Diagnostic {
     let span = spec.home_span.unwrap_or(spec.name.span);
-    let gaping = gaps.iter().map(|gap| said(model, gap));
-    let gaping: Vec<String> = gaping.collect();
+    let gaping = gaps.iter().take(MAX_SAID).map(|gap| said(model, gap));
+    let mut gaping: Vec<String> = gaping.collect();
+    if gaps.len() > MAX_SAID {
+        gaping.push(format!("and {} more", gaps.len() - MAX_SAID));
+    }
     let reason = if gaping.is_empty() {
         format!(" (residual {residual:.2e}, in m and rad)")
     } else {

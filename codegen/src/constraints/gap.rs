@@ -16,7 +16,7 @@ pub struct Gap {
 }
 
 /// The cuts that are open at a state, the widest first.
-pub(super) fn gaps(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Vec<Gap> {
+pub fn gaps(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Vec<Gap> {
     /// Below this, m and rad, a cut counts as closed.
     const CLOSED: f64 = 1e-6;
     let (residual, _) = loops.at(q);

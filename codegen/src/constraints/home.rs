@@ -136,8 +136,9 @@ pub struct NumericLoops<'g> {
 }
 
 impl<'g> NumericLoops<'g> {
-    /// Prepares the evaluation of the equations in the world frame. The coordinates must be the
-    /// graph's first symbols, in order.
+    /// Prepares the evaluation of the equations in the world frame; rows behind those of the model, such as
+    /// [`half_turns`](super::half_turns), are numbers without a unit. The coordinates must be the graph's first
+    /// symbols, in order.
     pub fn new(g: &'g Graph, equations: &Equations, model: &Model) -> Self {
         let mut roots = equations.residual.clone();
         let mut filled = Vec::new();
@@ -168,7 +169,8 @@ impl<'g> NumericLoops<'g> {
             *f /= unit;
         }
         for &(i, c) in &self.filled {
-            a[i][c] *= self.units.coordinates[c] / self.units.rows[i];
+            let unit = self.units.rows.get(i).copied().unwrap_or(1.0);
+            a[i][c] *= self.units.coordinates[c] / unit;
         }
         (f, a)
     }

@@ -18,10 +18,10 @@ mod viewpoints;
 
 pub use closed::{Closed, LoopSolver};
 pub use elimination::{Eliminated, Entry, Pivot, Plan, eliminate, plan, structure};
-pub use gap::Gap;
+pub use gap::{Gap, gaps};
 pub use home::{HomeProblem, Mismatch, NumericLoops, RegularHome, close_home};
 pub use loops::{LoopEquations, Viewpoint};
-pub use rows::{Equations, Form, agreement, world_equations, world_views};
+pub use rows::{Equations, Form, agreement, half_turns, world_equations, world_views};
 pub use samples::closed_states;
 pub use units::Units;
 pub use view::{Column, View};

@@ -141,6 +141,36 @@ pub fn agreement(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut) -> Ve
     }
 }
 
+/// Rows beside those of the cuts: for each pair of axes that a cut aligns 1 less their cosine, which is 0 on the
+/// closure and 2 a half turn away, where the rows of the cut vanish too. A search of closed states by least
+/// squares over both has no half turns among its ends.
+pub fn half_turns(g: &mut Graph, frames: &Frames, model: &Model) -> Equations {
+    let mut equations = Equations::default();
+    for cut in &model.cuts {
+        let axes: &[Axis] = match cut.kind {
+            CutKind::Fixed | CutKind::Prismatic => &[Axis::X, Axis::Y, Axis::Z],
+            CutKind::Revolute | CutKind::Cylindrical | CutKind::Helical => &[Axis::Z],
+            CutKind::Spherical | CutKind::Universal => continue,
+        };
+        let [a, b] = &world_views(g, frames, model, cut, None);
+        for &axis in axes {
+            let normal = normal(g, cut.kind, a, b, (axis, axis), Form::Exact);
+            let mut jacobian = vec![Ex::ZERO; model.coordinates.len()];
+            for (side, negative) in [(a, false), (b, true)] {
+                for (coordinate, column) in &side.columns {
+                    let entry = g.dot3(&normal, &column.angular());
+                    let entry = if negative { g.neg(entry) } else { entry };
+                    jacobian[*coordinate] = g.add(jacobian[*coordinate], entry);
+                }
+            }
+            let cosine = g.dot3(&a.axes[axis.index()], &b.axes[axis.index()]);
+            equations.residual.push(g.sub(Ex::ONE, cosine));
+            equations.jacobian.push(jacobian);
+        }
+    }
+    equations
+}
+
 /// The screw of a helical cut; `None` for the other kinds.
 fn screw<'v>(g: &mut Graph, frames: &Frames, cut: &Cut, sides: [&'v View; 2]) -> Option<Screw<'v>> {
     let lead = frames.length(g, cut.lead.as_ref()?);

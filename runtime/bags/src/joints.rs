@@ -1,5 +1,7 @@
 //! Assigns the numbers of a message to joints.
 
+use std::collections::BTreeSet;
+
 use crate::definition::{Message, Value};
 use crate::known::{Arrangement, Decoder};
 
@@ -56,11 +58,15 @@ pub(crate) fn interface_prefix(name: &str) -> String {
 impl Sample {
     /// Decodes a message.
     pub(crate) fn read(decoder: &Decoder, data: &[u8]) -> Result<Self, String> {
-        let message = decoder.decode(data)?;
+        Self::of(decoder.arrangement, &decoder.decode(data)?)
+    }
+
+    /// The sample of a message.
+    pub(crate) fn of(arrangement: Arrangement, message: &Message) -> Result<Self, String> {
         let lacks = |name: &str| format!("it has no field `{name}` of the expected type");
         let stamp = message.message("header").and_then(|h| h.message("stamp"));
-        if decoder.arrangement == Arrangement::Fields && stamp.is_none() {
-            return Self::of_fields(&message);
+        if arrangement == Arrangement::Fields && stamp.is_none() {
+            return Self::of_fields(message);
         }
         let stamp = stamp.ok_or_else(|| lacks("header"))?;
         // whole numbers of 32 bits in ROS; the type that a recording describes may be another one
@@ -77,13 +83,13 @@ impl Sample {
             stamp: seconds * 1_000_000_000 + rest,
             ..Self::default()
         };
-        if decoder.arrangement == Arrangement::Fields {
+        if arrangement == Arrangement::Fields {
             return Ok(Self {
                 stamp: out.stamp,
-                ..Self::of_fields(&message)?
+                ..Self::of_fields(message)?
             });
         }
-        let names = match decoder.arrangement {
+        let names = match arrangement {
             Arrangement::State => "name",
             Arrangement::Controller => "joint_names",
             Arrangement::Interfaces(field) => field,
@@ -97,7 +103,7 @@ impl Sample {
         if let Some((twice, _)) = pairs.find(|(one, next)| one == next) {
             return Err(format!("it names the joint `{twice}` twice"));
         }
-        match decoder.arrangement {
+        match arrangement {
             Arrangement::State => {
                 for (field, prefix) in [("position", ""), ("velocity", "qd_"), ("effort", "tau_")] {
                     let values = message.numbers(field).ok_or_else(|| lacks(field))?;
@@ -115,7 +121,7 @@ impl Sample {
                     }
                 }
             }
-            Arrangement::Interfaces(_) => out.interfaces(&message)?,
+            Arrangement::Interfaces(_) => out.interfaces(message)?,
             Arrangement::Fields => {}
         }
         Ok(out)
@@ -133,8 +139,8 @@ impl Sample {
     fn fields(&mut self, path: &str, message: &Message) -> Result<(), String> {
         for (name, value) in message.iter() {
             let own = match path {
-                // the stamp is the time
-                "" if name == "header" => continue,
+                // its stamp is the time
+                "" if name == "header" && matches!(value, Value::Message(_)) => continue,
                 "" => name.to_owned(),
                 path => format!("{path}.{name}"),
             };
@@ -222,6 +228,68 @@ impl Sample {
             self.values.extend(values);
         }
         Ok(())
+    }
+}
+
+impl Arrangement {
+    /// Whether a sample has what is at a path of a message, or follows from what it has.
+    fn reads(self, path: &[&str], is_number: bool) -> bool {
+        match (self, path) {
+            (_, ["header", "stamp", _] | ["header", "seq"])
+            | (Self::State, ["name" | "position" | "velocity" | "effort"])
+            // differences of two other points, and the time within a trajectory that a state has not
+            | (
+                Self::Controller,
+                ["joint_names"]
+                | ["error" | "multi_dof_error", ..]
+                | [_, "time_from_start", _],
+            )
+            | (Self::Interfaces(_), ["interface_values", "interface_names" | "values"]) => true,
+            (Self::Controller, [point, list]) => {
+                let is_point = POINTS.iter().any(|own| own.0 == *point || own.1 == *point);
+                is_point && LISTS.iter().any(|own| own.0 == *list)
+            }
+            (Self::Interfaces(names), [name]) => *name == names,
+            (Self::Fields, ["header", _, ..]) => false,
+            (Self::Fields, _) => is_number,
+            _ => false,
+        }
+    }
+
+    /// Adds what a message has and its sample lacks, by paths, with the reasons; empty texts and lists say nothing.
+    pub(crate) fn unread<'m>(
+        self,
+        message: &'m Message,
+        path: &mut Vec<&'m str>,
+        out: &mut BTreeSet<(String, &'static str)>,
+    ) {
+        for (name, value) in message.iter() {
+            path.push(name);
+            let (is_number, is_empty) = match value {
+                Value::Number(_) => (true, false),
+                Value::Numbers(all) => (true, all.is_empty()),
+                Value::Text(text) => (false, text.is_empty()),
+                Value::Texts(all) => (false, all.iter().all(String::is_empty)),
+                Value::Message(_) | Value::Messages(_) => (false, true),
+            };
+            if !is_empty && !self.reads(path, is_number) {
+                let why = if is_number {
+                    "its numbers are no states of joints"
+                } else {
+                    "it has text"
+                };
+                out.insert((path.join("."), why));
+            }
+            let inner = match value {
+                Value::Message(inner) => core::slice::from_ref(inner),
+                Value::Messages(all) => all,
+                _ => &[],
+            };
+            for inner in inner {
+                self.unread(inner, path, out);
+            }
+            path.pop();
+        }
     }
 }
 

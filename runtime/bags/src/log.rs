@@ -107,9 +107,11 @@ impl Log {
             let why = format!("another topic is read, {}", own.topic.name);
             (other.topic.to_string(), why)
         });
-        let others: Vec<(String, String)> = others.collect();
+        let fields = own.unread.into_iter();
+        let fields = fields.map(|(path, why)| (path, why.to_owned()));
+        let absent: Vec<(String, String)> = others.chain(fields).collect();
         for table in &mut tables {
-            table.absent.clone_from(&others);
+            table.absent.extend_from_slice(&absent);
         }
         Ok(Self {
             topic: own.topic,

@@ -1,5 +1,6 @@
 //! Surveys the topics of a recording in one pass over its messages.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use crate::error::BagError;
@@ -22,6 +23,8 @@ pub(crate) struct TopicSurvey {
     pub(crate) first_received: i64,
     /// Whether any stamp differs from 0.
     pub(crate) stamped: bool,
+    /// What the messages have and no column has, by paths, with the reasons.
+    pub(crate) unread: BTreeSet<(String, &'static str)>,
     /// Why the messages cannot be decoded.
     pub(crate) error: Option<BagError>,
 }
@@ -38,6 +41,7 @@ impl TopicSurvey {
             first_stamp: None,
             first_received: 0,
             stamped: false,
+            unread: BTreeSet::new(),
             error: None,
         }
     }
@@ -100,10 +104,12 @@ pub(crate) fn scan(path: &Path, any: Option<&str>) -> Result<Vec<TopicSurvey>, B
         if survey.error.is_some() {
             continue;
         }
-        let read = match decoder {
-            Ok(decoder) => Sample::read(decoder, recorded.data),
-            Err(why) => Err(why.clone()),
-        };
+        let read = decoder.as_ref().map_err(String::clone).and_then(|own| {
+            let message = own.decode(recorded.data)?;
+            own.arrangement
+                .unread(&message, &mut Vec::new(), &mut survey.unread);
+            Sample::of(own.arrangement, &message)
+        });
         let (received, place) = (recorded.received, recorded.place);
         if let Err(why) = read.and_then(|sample| survey.add(sample, received)) {
             survey.error = Some(BagError::Message {

@@ -130,6 +130,7 @@ pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, Bag
                 None => joints.push((own, *count)),
             }
         }
+        let absent = lacking(&joints);
         Table {
             path: path.to_path_buf(),
             topic: found.topic.name.clone(),
@@ -139,13 +140,30 @@ pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, Bag
             titles: titles.collect(),
             columns,
             joints,
-            absent: Vec::new(),
+            absent,
         }
     };
     let mut all: Vec<Table> = groups.into_iter().map(table).collect();
     let count = |table: &Table| table.joints.iter().map(|(_, count)| *count).sum::<u64>();
     all.sort_by_key(|table| std::cmp::Reverse(count(table)));
     Ok(all)
+}
+
+/// The messages that lack joints of others, with the reason why they are left out.
+///
+/// - `joints`: the lists of joints that messages have, sorted, with the numbers of messages.
+fn lacking(joints: &[(Vec<String>, u64)]) -> Vec<(String, String)> {
+    let mut names: Vec<&String> = joints.iter().flat_map(|own| &own.0).collect();
+    names.sort_unstable();
+    names.dedup();
+    let all: u64 = joints.iter().map(|own| own.1).sum();
+    let of_name = |name: &String| {
+        let lack = joints.iter().filter(|own| !own.0.contains(name));
+        let lack: u64 = lack.map(|own| own.1).sum();
+        let why = format!("they lack the joint {name}, and are no rows where it is read");
+        (lack > 0).then(|| (format!("{lack} of {all} messages"), why))
+    };
+    names.into_iter().filter_map(of_name).collect()
 }
 
 impl Table {
@@ -159,7 +177,8 @@ impl Table {
         &self.titles
     }
 
-    /// What the recording has besides its topic, with the reasons why it is in no column.
+    /// What the recording has and no column has, with the reasons: other topics, texts and further fields of
+    /// messages, and messages that lack a joint of others.
     pub fn absent(&self) -> &[(String, String)] {
         &self.absent
     }

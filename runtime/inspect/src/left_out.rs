@@ -30,10 +30,20 @@ pub(crate) fn notes(log: &RawLog, found: &LogFacts) -> Vec<String> {
     for reason in reasons {
         let own = left.iter().filter(|(_, why)| why == reason);
         let names: Vec<&str> = own.map(|(name, _)| name.as_str()).collect();
-        out.push(format!("no column: {} ({reason})", listed(&names)));
+        out.push(format!("in no column: {} ({reason})", listed(&names)));
     }
     out.extend(units(log, found));
     out
+}
+
+/// A sentence about efforts that belong to no joint of the robot.
+pub(crate) fn efforts_of_others(found: &LogFacts, robot: &str) -> Option<String> {
+    let is_read = |number| found.joints.iter().any(|own| own.effort == Some(number));
+    let others = found.columns.iter().filter(|column| {
+        matches!(column.role, Role::Effort | Role::Current) && !is_read(column.number)
+    });
+    let names: Vec<&str> = others.map(|column| column.name.as_str()).collect();
+    (!names.is_empty()).then(|| format!("read for no joint of {robot}: {}", listed(&names)))
 }
 
 /// A sentence about units that are not known, of columns that identification may use.

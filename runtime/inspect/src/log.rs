@@ -409,8 +409,11 @@ pub fn inspect(
     out.notes = words::notes(&out);
     out.notes.extend(left_out::notes(&log, &out));
     if let Some(info) = robot
-        && out.joints.is_empty()
+        && !out.joints.is_empty()
     {
+        out.notes
+            .extend(left_out::efforts_of_others(&out, info.name));
+    } else if let Some(info) = robot {
         let found = out.columns.iter().filter(|c| c.role == Role::Position);
         out.notes.push(format!(
             "{} columns look like positions, and {} has {} coordinates, {} of them actuated: assign \
