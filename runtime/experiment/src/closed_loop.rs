@@ -173,11 +173,13 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
         .at(begin, &mut start, &mut vec![0.0; dof], &mut vec![0.0; dof]);
     let control = match closed_loop.controllers {
         Controllers::Tuned { bandwidth, given } => {
-            control(bandwidth, given, model, phi, &start).map_err(LoopError::Tuning)?
+            let tuned = control((bandwidth, step), given, model, phi, &[start]);
+            tuned.map_err(LoopError::Tuning)?
         }
         Controllers::Known { pid, offset } => Control {
             pid: pid.to_vec(),
             offset: offset.to_vec(),
+            spread: 1.0,
         },
     };
     let acts = control.pid.iter().map(|pid| pid.acts_per_row);

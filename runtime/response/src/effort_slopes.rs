@@ -225,7 +225,7 @@ fn controllers<M: ?Sized, D: ?Sized>(
     r: usize,
     unknowns: usize,
 ) -> Vec<Controller> {
-    let Control { pid, offset } = &run.control;
+    let Control { pid, offset, .. } = &run.control;
     let own = pid.iter().zip(&run.drives).zip(&plant.actuated);
     own.enumerate()
         .map(|(k, ((pid, drive), coordinate))| {
@@ -302,8 +302,9 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
             let mut moved = beta.to_vec();
             moved[k] += by;
             let phi = parameters(model, &moved)?;
-            let found =
-                control(bandwidth, given, model, &phi, &start).map_err(LoopError::Tuning)?;
+            let states = std::slice::from_ref(&start);
+            let found = control((bandwidth, run.step), given, model, &phi, states);
+            let found = found.map_err(LoopError::Tuning)?;
             Ok(listed(&found))
         };
         let (h, there) = match moved(size) {
