@@ -331,7 +331,7 @@ fn a_motion_that_is_hardly_followed_gives_a_warning() {
         ];
         regen(&dir, &words).ended(0).err
     };
-    let slow = simulate("1");
+    let slow = simulate("1.5");
     assert!(
         slow.contains("is off the motion by up to") && slow.contains("leave --bandwidth"),
         "{slow}"

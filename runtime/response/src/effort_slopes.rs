@@ -279,10 +279,6 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
     let Controllers::Tuned { bandwidth, given } = closed_loop.controllers else {
         return Ok(Vec::new());
     };
-    let info = model.info();
-    let first = run.log.q.get(..info.coordinates.len()).unwrap_or_default();
-    let start = info.independent.iter().filter_map(|c| first.get(*c));
-    let start: Vec<f64> = start.copied().collect();
     let largest = beta.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let listed = |found: &Control| -> Vec<f64> {
         let each = found.pid.iter().zip(&found.offset);
@@ -302,8 +298,7 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
             let mut moved = beta.to_vec();
             moved[k] += by;
             let phi = parameters(model, &moved)?;
-            let states = std::slice::from_ref(&start);
-            let found = control((bandwidth, run.step), given, model, &phi, states);
+            let found = control((bandwidth, run.step), given, model, &phi, &run.states);
             let found = found.map_err(LoopError::Tuning)?;
             Ok(listed(&found))
         };

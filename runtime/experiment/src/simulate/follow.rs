@@ -88,14 +88,6 @@ impl Trial {
     pub fn follows(&self) -> bool {
         self.distance() <= MOST
     }
-
-    /// The distance in words.
-    fn result(&self) -> String {
-        match &self.ended {
-            Some(why) => why.clone(),
-            None => format!("{} %", figure_of(2, 100.0 * self.off)),
-        }
-    }
 }
 
 impl fmt::Display for Trial {
@@ -126,9 +118,14 @@ impl fmt::Display for Following {
             "{} Hz every {} s: {chosen}",
             chosen.bandwidth, chosen.step
         )?;
-        for (k, other) in others.iter().enumerate() {
-            let head = if k == 0 { "; others: " } else { ", " };
-            write!(f, "{head}{} Hz {}", other.bandwidth, other.result())?;
+        let mut head = "; others:";
+        for other in others {
+            write!(f, "{head} {} Hz ", other.bandwidth)?;
+            match other.ended {
+                Some(_) => f.write_str("ended early")?,
+                None => write!(f, "{} %", figure_of(2, 100.0 * other.off))?,
+            }
+            head = ",";
         }
         write!(
             f,
