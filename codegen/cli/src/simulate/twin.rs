@@ -100,28 +100,29 @@ pub(crate) fn of(
 /// The failure of a motion that none of the tried controllers follows, with the time between samples, s, if it
 /// is given.
 fn unfollowed(trials: &[Trial], step: Option<f64>) -> Failure {
-    let mut text = "no controllers follow the motion".to_owned();
-    for (k, trial) in trials.iter().enumerate() {
-        let head = if k == 0 { ": with" } else { "; with" };
+    let of = |trial: &Trial| {
         let result = trial.ended.clone().unwrap_or_else(|| trial.to_string());
-        text += &format!(
-            "{head} {} Hz every {} s {result}",
+        format!(
+            "with {} Hz every {} s {result}",
             trial.bandwidth, trial.step
-        );
-    }
-    let limited = trials
-        .iter()
-        .fold(0.0_f64, |most, trial| most.max(trial.limited));
+        )
+    };
+    let mut parts: Vec<String> = trials.iter().map(of).collect();
+    let parts_of_samples = trials.iter().map(|trial| trial.limited);
+    let limited = parts_of_samples.fold(0.0, f64::max);
     if limited > 0.0 {
         let part = table::figure_of(2, 100.0 * limited);
-        text += &format!("; an effort is at its limit in up to {part} % of the samples");
+        parts.push(format!(
+            "an effort is at its limit in up to {part} % of the samples"
+        ));
     }
     let shorter = step.map_or("", |_| "leave --step out, or ");
-    text += &format!(
-        "; {shorter}slow the motion down, or stay further from limits and singularities (`excite --limit`, \
-         `--margin`); --bandwidth HZ simulates what the robot does with such controllers"
-    );
-    Failure::Numeric(text)
+    Failure::Numeric(format!(
+        "no controllers follow the motion: {}; {shorter}slow the motion down, or stay further from limits \
+         and singularities (`excite --limit`, `--margin`); --bandwidth HZ simulates what the robot does with \
+         such controllers",
+        parts.join("; ")
+    ))
 }
 
 /// Refuses `--friction-width` where no joint's friction jumps where its velocity turns round.
