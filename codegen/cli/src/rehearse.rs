@@ -95,6 +95,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
     let span = (step, longest + args.twin.settle);
     let tried = simulate::twin(&args.twin, described, &model, &motion, span, &mut |_| ())?;
     let (mut twin, nominal) = (tried.twin, tried.nominal);
+    let step = twin.settings.period;
     let unmodelled = add_unmodelled(args, &mut twin)?;
     let mut start = vec![0.0; model.rank()];
     BaseModel::<f64>::to_base(&model, &nominal, &mut start)?;
@@ -160,6 +161,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
         estimator: rehearsal.estimator.name(),
         durations: &durations,
         step,
+        following: tried.following.as_ref(),
         seed: args.twin.seed,
         perturb: args.twin.perturb,
         unmodelled,
@@ -282,14 +284,14 @@ fn check(args: &RehearseArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The durations of the runs of a seed and their time step, s.
+/// The durations of the runs of a seed and their time step, s, if it is given.
 fn runs(
     args: &RehearseArgs,
     logs: &[Run],
     reading: &ReadingArgs,
     model: &Interpreted<'_>,
     motion: &FourierReference,
-) -> Result<(Vec<f64>, f64), Failure> {
+) -> Result<(Vec<f64>, Option<f64>), Failure> {
     let settings = observe::settings(reading);
     let mut steps = Vec::new();
     let mut durations = Vec::new();
@@ -305,7 +307,7 @@ fn runs(
     let durations = durations.iter().map(known).collect();
     let step = args.twin.step.or(steps.first().copied());
     let on_grid = settings.resample.map(|rate| 1.0 / rate);
-    Ok((durations, step.or(on_grid).unwrap_or(simulate::STEP)))
+    Ok((durations, step.or(on_grid)))
 }
 
 /// Adds to the simulated robot what the model has not; returns it in words.

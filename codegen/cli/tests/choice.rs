@@ -13,7 +13,8 @@ fn spec() -> String {
     guide.display().to_string()
 }
 
-/// A folder with a log of the five-bar: noise of its positions in rad, its efforts with 2 % of noise.
+/// A folder with a log of the five-bar: noise of its positions in rad, its efforts with 2 % of noise; `noise` may end
+/// with further options.
 fn simulated(test: &str, noise: &str) -> PathBuf {
     let dir = scratch(test);
     let words = format!(
@@ -212,9 +213,9 @@ fn single_rows_in_which_efforts_jump_count_as_missing_unless_a_file_keeps_them()
 
 #[test]
 fn efforts_with_outliers_of_several_rows_are_fitted_with_a_bounded_loss() {
-    let truth = simulated("choice_outliers_exact", "0,0");
+    let truth = simulated("choice_outliers_exact", "0,0 --bandwidth 20");
     let exact = identified(&truth, &["--butterworth", "4,40"]);
-    let dir = simulated("choice_outliers", "1e-5,0.02");
+    let dir = simulated("choice_outliers", "1e-5,0.02 --bandwidth 20");
     // a controller that is disturbed for 40 ms twice a second
     with_efforts(&dir, 0, |row| match row % 250 {
         0..20 => [0.3, -0.4][row / 250 % 2],
@@ -233,7 +234,7 @@ fn efforts_with_outliers_of_several_rows_are_fitted_with_a_bounded_loss() {
     };
     assert!(error(&found) < 0.5 * error(&squares), "{found} {squares}");
     // a clean log keeps squares
-    let clean = simulated("choice_no_outliers", "1e-5,0.02");
+    let clean = simulated("choice_no_outliers", "1e-5,0.02 --bandwidth 20");
     assert!(identified(&clean, &[])["filter"]["loss"]["huber"].is_null());
 }
 

@@ -170,7 +170,7 @@ fn options_without_effect_unknown_names_and_units_of_the_wrong_kind_are_refused(
     let run = |words: &str| regen(&dir, &words.split(' ').collect::<Vec<&str>>());
     run("excite fivebar.yaml --out t.json --seed 1 --harmonics 5 --starts 1 --frequency 0.2")
         .ended(0);
-    run("simulate fivebar.yaml --trajectory t.json --step 0.01 --duration 10 --out log.csv --noise 1e-6,0.01")
+    run("simulate fivebar.yaml --trajectory t.json --step 0.005 --duration 10 --out log.csv --noise 1e-6,0.01")
         .ended(0);
     run("observe fivebar.yaml log.csv --butterworth 4,10 --out f.json").ended(0);
     run("identify fivebar.yaml --from f.json").ended(0);

@@ -331,11 +331,108 @@ fn a_motion_that_is_hardly_followed_gives_a_warning() {
         ];
         regen(&dir, &words).ended(0).err
     };
-    let slow = simulate("1");
+    let slow = simulate("1.5");
     assert!(
-        slow.contains("is off the motion by up to") && slow.contains("raise --bandwidth"),
+        slow.contains("is off the motion by up to") && slow.contains("leave --bandwidth"),
         "{slow}"
     );
     let fast = simulate("10");
     assert!(!fast.contains("off the motion"), "{fast}");
+}
+
+/// A joint that carries little beside one that carries much, as wrists do, and drives that reach their limits.
+fn wrist(dir: &Path, effort: f64, frequency: f64) {
+    let spec = "\
+name: wrist
+gravity: [0, 0, -9.81]
+limbs:
+  - name: arm
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true, limits: {effort: [-EFFORT, EFFORT]}}
+      - {name: q2, type: revolute, dh: {a: 0.4}, body: 2, actuated: true}
+bodies:
+  1: {mass: 3.0, com: [0.2, 0, 0], inertia: [0.01, 0, 0, 0.05, 0, 0.05]}
+  2: {mass: 0.2, com: [0.02, 0, 0], inertia: [1e-4, 0, 0, 1e-4, 0, 1e-4]}
+";
+    fs::write(
+        dir.join("wrist.yaml"),
+        spec.replace("EFFORT", &effort.to_string()),
+    )
+    .unwrap();
+    let motion = format!(
+        r#"{{"format": "regen-trajectory", "robot": "wrist", "coordinates": ["q1", "q2"], "harmonics": 2,
+           "base_frequency": {frequency}, "offset": [0.1, 0.2], "cosine": [[0.5, 0.2], [0.3, -0.6]],
+           "sine": [[-0.2, 0.3], [0.6, 0.1]]}}"#
+    );
+    fs::write(dir.join("t.json"), motion).unwrap();
+}
+
+#[test]
+fn controllers_that_are_chosen_follow_the_motion_and_can_be_pinned() {
+    let dir = scratch("simulate_follows");
+    wrist(&dir, 100.0, 1.0);
+    let simulate = |more: &str| {
+        let line = format!(
+            "simulate wrist.yaml --trajectory t.json --noise 1e-5,0.01 --format json {more}"
+        );
+        let words: Vec<&str> = line.split_whitespace().collect();
+        regen(&dir, &words).ended(0).json()
+    };
+    let found = simulate("--out a.csv");
+    let following = &found["following"];
+    let of = |key: &str| following[key].as_f64().unwrap();
+    assert!(of("off") < 0.05 && of("bandwidth") > 3.0, "{following}");
+    assert_eq!(found["step"], following["step"]);
+    // the slower ones that were tried do not follow it closely
+    let others = following["others"].as_array().unwrap();
+    let is_off =
+        |trial: &serde_json::Value| !trial["ended"].is_null() || trial["off"].as_f64() > Some(0.05);
+    assert!(
+        !others.is_empty() && others.iter().all(is_off),
+        "{following}"
+    );
+    let pinned = simulate(&format!(
+        "--out b.csv --bandwidth {} --step {}",
+        of("bandwidth"),
+        of("step")
+    ));
+    assert!(pinned["following"].is_null());
+    let read = |name: &str| fs::read_to_string(dir.join(name)).unwrap();
+    assert_eq!(read("a.csv"), read("b.csv"));
+    // a time between samples that is given stays
+    let slow = simulate("--out c.csv --step 0.004");
+    assert_eq!(slow["step"], 0.004);
+    assert!(slow["following"]["off"].as_f64() < Some(0.2), "{slow}");
+}
+
+#[test]
+fn a_motion_that_no_controllers_follow_is_an_error_and_writes_no_log() {
+    let dir = scratch("simulate_beyond");
+    wrist(&dir, 12.0, 2.0);
+    let line = [
+        "simulate",
+        "wrist.yaml",
+        "--trajectory",
+        "t.json",
+        "--out",
+        "log.csv",
+    ];
+    let refused = regen(&dir, &line).ended(4);
+    for words in [
+        "no controllers follow the motion",
+        "at its limit in up to",
+        "--bandwidth HZ",
+    ] {
+        assert!(refused.err.contains(words), "{}", refused.err);
+    }
+    assert!(!dir.join("log.csv").exists());
+    // what the robot then does can be asked for
+    let asked = regen(&dir, &[&line[..], &["--bandwidth", "12"]].concat()).ended(0);
+    assert!(
+        asked.err.contains("is off the motion by up to"),
+        "{}",
+        asked.err
+    );
+    assert!(dir.join("log.csv").exists());
 }

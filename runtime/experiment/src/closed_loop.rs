@@ -12,6 +12,8 @@ use crate::simulate::{
     TuningError, control, linear_friction, simulate,
 };
 
+/// The number of states of the motion at which controllers are tuned.
+const TUNED_STATES: u32 = 64;
 /// The tolerance of each step of the integration, relative.
 const TOLERANCE: f64 = 1e-9;
 
@@ -121,6 +123,9 @@ pub struct LoopRun {
     pub stride: usize,
     /// The controllers and the constant efforts, in the order of `Info::actuated`.
     pub control: Control,
+    /// The independent coordinates at which controllers are tuned, rad or m: the start, and evenly spaced
+    /// times.
+    pub states: Vec<Vec<f64>>,
     /// The drives, in the same order.
     pub drives: Vec<Drive>,
 }
@@ -167,17 +172,23 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
     let early = (closed_loop.lead / step - WHOLE_STEPS).ceil().max(0.0);
     let begin = first - early * step;
     let dof = info.dof();
-    let mut start = vec![0.0; dof];
-    closed_loop
-        .reference
-        .at(begin, &mut start, &mut vec![0.0; dof], &mut vec![0.0; dof]);
+    let at = |k: u32| {
+        let t = begin + (last - begin) * f64::from(k) / f64::from(TUNED_STATES);
+        let mut state = vec![0.0; dof];
+        let reference = closed_loop.reference;
+        reference.at(t, &mut state, &mut vec![0.0; dof], &mut vec![0.0; dof]);
+        state
+    };
+    let states: Vec<Vec<f64>> = (0..TUNED_STATES).map(at).collect();
     let control = match closed_loop.controllers {
         Controllers::Tuned { bandwidth, given } => {
-            control(bandwidth, given, model, phi, &start).map_err(LoopError::Tuning)?
+            let tuned = control((bandwidth, step), given, model, phi, &states);
+            tuned.map_err(LoopError::Tuning)?
         }
         Controllers::Known { pid, offset } => Control {
             pid: pid.to_vec(),
             offset: offset.to_vec(),
+            spread: 1.0,
         },
     };
     let acts = control.pid.iter().map(|pid| pid.acts_per_row);
@@ -221,6 +232,7 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
         step,
         stride,
         control,
+        states,
         drives,
     })
 }

@@ -98,7 +98,7 @@ pub struct Rehearsal<'a, M: ?Sized> {
 ///     perturb: 0.1,
 ///     seed: 1,
 /// };
-/// let twin = Twin::new(&robot, &nominal, &[], &motion.position(0.0), &options)?;
+/// let twin = Twin::new(&robot, &nominal, &[], &motion.states(), &options)?;
 /// let folder = std::env::temp_dir().join(format!("rehearse-{}", std::process::id()));
 /// std::fs::create_dir_all(&folder)?;
 /// let rehearsal = Rehearsal {

@@ -225,7 +225,7 @@ fn controllers<M: ?Sized, D: ?Sized>(
     r: usize,
     unknowns: usize,
 ) -> Vec<Controller> {
-    let Control { pid, offset } = &run.control;
+    let Control { pid, offset, .. } = &run.control;
     let own = pid.iter().zip(&run.drives).zip(&plant.actuated);
     own.enumerate()
         .map(|(k, ((pid, drive), coordinate))| {
@@ -279,10 +279,6 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
     let Controllers::Tuned { bandwidth, given } = closed_loop.controllers else {
         return Ok(Vec::new());
     };
-    let info = model.info();
-    let first = run.log.q.get(..info.coordinates.len()).unwrap_or_default();
-    let start = info.independent.iter().filter_map(|c| first.get(*c));
-    let start: Vec<f64> = start.copied().collect();
     let largest = beta.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let listed = |found: &Control| -> Vec<f64> {
         let each = found.pid.iter().zip(&found.offset);
@@ -302,8 +298,8 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
             let mut moved = beta.to_vec();
             moved[k] += by;
             let phi = parameters(model, &moved)?;
-            let found =
-                control(bandwidth, given, model, &phi, &start).map_err(LoopError::Tuning)?;
+            let found = control((bandwidth, run.step), given, model, &phi, &run.states);
+            let found = found.map_err(LoopError::Tuning)?;
             Ok(listed(&found))
         };
         let (h, there) = match moved(size) {

@@ -11,10 +11,13 @@ use super::reading::count;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Every actuated joint has a PID controller with a sampling rate of 100 Hz (see
---step), plus the constant effort that balances gravity at the start. Without
---pid, the gains follow from the robot's inertia at the start and the bandwidth.
-Friction is that of the spec, with its nominal coefficients; efforts are limited
+Every actuated joint has a PID controller, sampled every --step, plus the
+constant effort that balances gravity at the start. Without --pid, the gains
+follow from the bandwidth and the robot's inertia along the motion, such that no
+mode is faster than the bandwidth. Without --bandwidth, bandwidths from 3 to 96
+Hz are tried on one period, with a --step that suits them, and the first is used
+with which every joint stays within 5 % of its range of the motion, or else the
+closest one; if none stays within 20 %, the exit code is 4. Friction is that of the spec, with its nominal coefficients; efforts are limited
 as in the spec.
 
 Without --trajectory each independent coordinate oscillates about home, at 0.1
@@ -89,14 +92,15 @@ pub(crate) struct TwinArgs {
     /// The time at the start that is left out of the log, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     pub(crate) settle: f64,
-    /// Time between samples of the controller and of the log, s [default: 0.01]
+    /// Time between samples of the controller and of the log, s [default: 0.01, or
+    /// less if controllers need it to follow the motion]
     #[arg(long, value_name = "S")]
     pub(crate) step: Option<f64>,
     /// Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
-    /// The bandwidth of controllers without --pid, Hz [default: 3; 6 or 12 where
-    /// the loops cannot be kept closed with less]
+    /// The bandwidth of controllers without --pid, Hz [default: the first with
+    /// which the robot follows the motion]
     #[arg(long, value_name = "HZ")]
     pub(crate) bandwidth: Option<f64>,
     /// Time constant of the drives, s

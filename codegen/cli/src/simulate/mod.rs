@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use regen_experiment::simulate::{
-    Log, LogColumns, Settings, SimulationError, Termination, TuningError, simulate_with_progress,
+    Following, Log, LogColumns, Settings, SimulationError, Termination, Trial, TuningError,
+    simulate_with_progress,
 };
 use regen_experiment::trajectory::FourierReference;
 use regen_identify::files::Format;
@@ -22,9 +23,6 @@ use regen_interpreted::Interpreted;
 pub(crate) use parameters::{Described, WHERE};
 pub(crate) use twin::{of as twin, require_jump};
 
-/// The time between samples where none is given, s.
-pub(crate) const STEP: f64 = 0.01;
-
 /// The JSON of `regen simulate`.
 #[derive(Serialize)]
 struct SimulateJson {
@@ -33,6 +31,8 @@ struct SimulateJson {
     duration: f64,
     step: f64,
     seed: u64,
+    /// How the controllers were chosen; null where they are given.
+    following: Option<Following>,
     controllers: Vec<Controller>,
     runs: Vec<Run>,
 }
@@ -74,7 +74,6 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     let model = Interpreted::new(&robot);
     let info = model.info();
     let motion = path::of(args.twin.trajectory.as_deref(), &model)?;
-    let step = args.twin.step.unwrap_or(STEP);
     let source = Described {
         file: &args.file,
         payload: args.payload,
@@ -88,10 +87,10 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         "{bar:24} {percent:>3} %, {eta} left",
     );
     let mut progress = |t: f64| bar.set_position(thousandths(t));
-    let span = (step, total);
+    let span = (args.twin.step, total);
     let tried = twin::of(&args.twin, source, &model, &motion, span, &mut progress)?;
     let twin = tried.twin;
-    let mut first = Some(tried.first);
+    let mut first = tried.first;
     let settings = twin.run(args.twin.seed, 0, total);
     if let Some(file) = &args.controller {
         let text = Format::of(file).text(&gains_of(&info, &settings));
@@ -142,10 +141,13 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
             )));
         }
         if number == 0
-            && let Some(stray) = found.stray(&info, &motion)
+            && let tuned = (args.twin.bandwidth.unwrap_or_default(), settings.period)
+            && let trial = Trial::of(tuned, &info, &settings.drives, (&found, &motion))
+            && !trial.follows()
         {
             terminal::note(&format!(
-                "warning: {stray}: raise --bandwidth, or shorten --step where it swings"
+                "warning: {trial}, so that the log is of another motion: leave --bandwidth and gains out for \
+                 controllers that follow it, or shorten --step where it swings"
             ));
         }
         let file = numbered(&args.out, number, args.runs);
@@ -169,8 +171,9 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         robot: robot.name.clone(),
         motion: motion.name().to_owned(),
         duration,
-        step,
+        step: twin.settings.period,
         seed: args.twin.seed,
+        following: tried.following,
         controllers,
         runs,
     };
@@ -308,6 +311,9 @@ fn to_text(json: &SimulateJson) -> String {
         json.robot, json.duration, json.step
     );
     out.push_str(&table::field("motion", &json.motion));
+    if let Some(following) = &json.following {
+        out.push_str(&table::field("controllers", &following.to_string()));
+    }
     out.push('\n');
     let lines: Vec<Vec<String>> = json
         .controllers

@@ -88,7 +88,7 @@ class ExciteOptions(TypedDict, total=False):
 class SimulateOptions(TypedDict, total=False):
     """Of ``simulate``."""
 
-    #: The bandwidth of controllers without `pid`, Hz [default: 3; 6 or 12 where the loops cannot be kept closed with less]
+    #: The bandwidth of controllers without `pid`, Hz [default: the first with which the robot follows the motion]
     bandwidth: Value | None
     #: Also log the commanded positions, as cmd_NAME
     commands: bool
@@ -120,7 +120,7 @@ class SimulateOptions(TypedDict, total=False):
     seed: Value | None
     #: The time at the start that is left out of the log, s
     settle: Value | None
-    #: Time between samples of the controller and of the log, s [default: 0.01]
+    #: Time between samples of the controller and of the log, s [default: 0.01, or less if controllers need it to follow the motion]
     step: Value | None
     #: Write the true parameters here, as `parameters` reads them: YAML if FILE ends in .yaml, else JSON
     truth: Value | None
@@ -452,7 +452,7 @@ class ReportOptions(TypedDict, total=False):
 class RehearseOptions(TypedDict, total=False):
     """Of ``rehearse``."""
 
-    #: The bandwidth of controllers without `pid`, Hz [default: 3; 6 or 12 where the loops cannot be kept closed with less]
+    #: The bandwidth of controllers without `pid`, Hz [default: the first with which the robot follows the motion]
     bandwidth: Value | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
@@ -540,7 +540,7 @@ class RehearseOptions(TypedDict, total=False):
     settle: Value | None
     #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
     standstill: Literal["drop", "keep", "weigh"] | None
-    #: Time between samples of the controller and of the log, s [default: 0.01]
+    #: Time between samples of the controller and of the log, s [default: 0.01, or less if controllers need it to follow the motion]
     step: Value | None
     #: The number of threads, on which the result does not depend [default: all]
     threads: Value | None

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_codegen::explain::lines::{columns, field};
+use regen_experiment::simulate::Following;
 use regen_identify::text::{counted, figure_of};
 use regen_rehearse::{ParameterScore, Score};
 use serde::Serialize;
@@ -22,6 +23,8 @@ pub struct Rehearsed<'a> {
     pub durations: &'a [f64],
     /// The time between samples, s.
     pub step: f64,
+    /// How the controllers were chosen; `None` where they are given.
+    pub following: Option<&'a Following>,
     /// The first seed.
     pub seed: u64,
     /// The largest relative difference between the true parameters and the nominal ones.
@@ -57,6 +60,9 @@ pub fn rehearsed_text(json: &Rehearsed<'_>) -> String {
     };
     let runs = format!("{runs}, every {} s, {}", json.step, json.motion);
     out.push_str(&field("runs", &runs));
+    if let Some(following) = json.following {
+        out.push_str(&field("controllers", &following.to_string()));
+    }
     if let Some(unmodelled) = &json.unmodelled {
         out.push_str(&field("not modelled", unmodelled));
     }

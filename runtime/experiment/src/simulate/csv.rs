@@ -120,11 +120,13 @@ impl Log {
         text
     }
 
-    /// The independent coordinate that is farthest from the reference compared with its range, in words;
-    /// `None` where all stay within a fifth of their ranges.
-    pub fn stray<R: Reference + ?Sized>(&self, info: &Info<'_>, reference: &R) -> Option<String> {
-        /// Motions that are followed less closely differ from those that were optimised.
-        const MOST: f64 = 0.2;
+    /// The independent coordinate that is farthest from the reference compared with its range there, and
+    /// the part of the range; `None` where no coordinate moves.
+    pub fn stray<'i, R: Reference + ?Sized>(
+        &self,
+        info: &Info<'i>,
+        reference: &R,
+    ) -> Option<(&'i str, f64)> {
         let (n, dof) = (info.coordinates.len(), info.dof());
         let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
         let mut seen = vec![[0.0_f64, f64::INFINITY, f64::NEG_INFINITY]; dof];
@@ -138,13 +140,10 @@ impl Log {
         let parts = seen.iter().map(|[off, low, high]| off / (high - low));
         let (k, part) = parts
             .enumerate()
-            .filter(|(_, part)| part.is_finite() && *part > MOST)
+            .filter(|(_, part)| part.is_finite())
             .max_by(|(_, a), (_, b)| a.total_cmp(b))?;
         let name = info.coordinates.get(*info.independent.get(k)?)?;
-        Some(format!(
-            "{name} is off the motion by up to {:.0} % of its range, so that the log is of another motion",
-            100.0 * part
-        ))
+        Some((name, part))
     }
 
     /// The largest distance of an independent coordinate from the reference, rad or m.

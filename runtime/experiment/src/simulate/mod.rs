@@ -13,6 +13,7 @@ mod audit;
 mod complete;
 mod control;
 mod csv;
+mod follow;
 mod forward;
 mod friction;
 mod integrate;
@@ -29,6 +30,7 @@ mod twin;
 pub use audit::Energy;
 pub use control::{Controller, ControllerInput, Damping, Drive, Pid};
 pub use csv::LogColumns;
+pub use follow::{Following, Trial, follow};
 pub use forward::{Forward, ForwardOutcome, factor_mass, solve_mass};
 pub use friction::{
     MissingNominal, add_stribeck, fitted_friction, friction_width, linear_friction,
@@ -39,5 +41,5 @@ pub use missing::missing_values;
 pub use noise::{Noise, perturb_parameters};
 pub use run::{simulate, simulate_controlled, simulate_with_progress};
 pub use settings::{Reference, Sensors, Settings, SimulationError};
-pub use tuning::{Control, Gains, TuningError, USUAL_BANDWIDTH, control, faster_bandwidths};
+pub use tuning::{Control, Gains, TuningError, control};
 pub use twin::{Twin, TwinError, TwinOptions};

@@ -107,49 +107,42 @@ pub struct Control {
     pub pid: Vec<Pid>,
     /// The efforts that balance gravity at the start, N or N m, in the same order.
     pub offset: Vec<f64>,
+    /// How many times slower than the bandwidth the slowest mode of the controlled robot is, at least 1: joints
+    /// that act on each other differ in it, and states of the motion.
+    pub spread: f64,
 }
 
-/// The bandwidth of controllers if none is given, Hz: slow enough that efforts tell of friction and of the
-/// robot's own motion.
-pub const USUAL_BANDWIDTH: f64 = 3.0;
+/// The derivative gain of a sampled controller at most, in inertias per time between samples; from 1.05 on it
+/// does not damp.
+const MOST_DAMPING: f64 = 0.5;
 
-/// Faster bandwidths, Hz, to try in turn for a controller with this sampling time, s, where a robot leaves
-/// its motion with the usual one until its loops cannot be kept closed. They are at most an eighth of the
-/// sampling rate; faster sampled controllers are often unstable.
+/// Tunes the controllers of all actuated joints to the states of a motion.
 ///
-/// ```
-/// use regen_experiment::simulate::faster_bandwidths;
-///
-/// assert_eq!(faster_bandwidths(0.01), [6.0, 12.0]);
-/// assert_eq!(faster_bandwidths(0.02), [6.0]);
-/// assert!(faster_bandwidths(1.0).is_empty());
-/// ```
-pub fn faster_bandwidths(step: f64) -> Vec<f64> {
-    let mut faster = vec![6.0, 12.0];
-    faster.retain(|bandwidth| bandwidth * step <= 0.125);
-    faster
-}
-
-/// Tunes the controllers of all actuated joints at the state `start`.
-///
-/// - `bandwidth`: of the controllers without given gains, Hz.
+/// - `bandwidth`: of the controllers without given gains, Hz; with these at all joints, no mode of the
+///   controlled robot is faster without damping, at any of the states.
+/// - `period`: the time between samples of the controllers, s.
 /// - `given`: gains that replace the tuned ones.
 /// - `phi`: p, in `Info::parameters` order.
-/// - `start`: the independent coordinates, dof, rad or m.
+/// - `states`: the independent coordinates, dof, rad or m, of the start and of further states of the motion;
+///   of these, states at which the loops cannot be closed are left out.
 ///
 /// # Errors
 /// When no efforts balance gravity at the start, the mass matrix is not positive definite, or gains
 /// are given for a joint that is not actuated.
 pub fn control<M: Model<f64> + ?Sized>(
-    bandwidth: f64,
+    (bandwidth, period): (f64, f64),
     given: &[Gains],
     model: &M,
     phi: &[f64],
-    start: &[f64],
+    states: &[Vec<f64>],
 ) -> Result<Control, TuningError> {
     let info = model.info();
-    let (dof, actuated) = (info.dof(), info.actuated.len());
-    let found = LoopClosure::new(model)?.solve(start)?;
+    let dof = info.dof();
+    let mut closure = LoopClosure::new(model)?;
+    let (start, others) = states
+        .split_first()
+        .map_or((&[][..], &[][..]), |(start, others)| (start, others));
+    let found = closure.solve(start)?;
     if !found.outcome.is_closed() {
         return Err(TuningError::Unreachable(found.outcome));
     }
@@ -158,34 +151,32 @@ pub fn control<M: Model<f64> + ?Sized>(
     // the efforts of the actuated joints that balance gravity, of least norm
     let mut gravity = vec![0.0; dof];
     let _condition = model.gravity(q, phi, &mut gravity)?;
-    let mut shares = DMatrix::zeros(dof, actuated);
-    let mut unit = vec![0.0; actuated];
-    let mut column = vec![0.0; dof];
-    for k in 0..actuated {
-        unit.fill(0.0);
-        unit[k] = 1.0;
-        let _condition = model.generalized_forces(q, &unit, &mut column)?;
-        shares.column_mut(k).copy_from_slice(&column);
-    }
+    let shares = shares_at(model, q)?;
     let offset = shares
         .clone()
         .svd(true, true)
         .solve(&DVector::from_vec(gravity), 1e-9)
         .map_err(TuningError::NoEfforts)?;
 
-    let mut mass = vec![0.0; dof * dof];
-    let _condition = model.mass_matrix(q, phi, &mut mass)?;
-    let own = inertias(&DMatrix::from_vec(dof, dof, mass), &shares);
-    let Some(own) = own else {
-        return Err(TuningError::NotPositiveDefinite);
-    };
+    let mut mobilities = vec![mobility_at(model, phi, q, &shares)?];
+    for state in others {
+        let found = closure.solve(state)?;
+        if found.outcome.is_closed() {
+            let shares = shares_at(model, &found.q)?;
+            mobilities.push(mobility_at(model, phi, &found.q, &shares)?);
+        }
+    }
+    let (own, spread) = inertias(&mobilities).ok_or(TuningError::NotPositiveDefinite)?;
     let w = std::f64::consts::TAU * bandwidth;
+    // the damping of the slowest mode, as far as sampling damps the fastest one with it
+    let damping = spread.min(MOST_DAMPING / (1.4 * w * period)).max(1.0);
     let mut pid: Vec<Pid> = own
         .iter()
         .map(|m| Pid {
             kp: m * w * w,
-            ki: 0.2 * m * w * w * w,
-            kd: 1.4 * m * w,
+            // of the slowest mode too a seventh of what it is stable with
+            ki: 0.2 * m * w * w * w * damping / (spread * spread),
+            kd: 1.4 * m * w * damping,
             ..Pid::default()
         })
         .collect();
@@ -216,25 +207,67 @@ pub fn control<M: Model<f64> + ?Sized>(
     Ok(Control {
         pid,
         offset: offset.iter().copied().collect(),
+        spread,
     })
 }
 
-/// The effective inertia of each actuated joint while the other ones are free. All are reduced by a
-/// common factor so that, with all controllers active at once, no mode is faster than the bandwidth
-/// for which they are tuned. `None` where an inertia is not positive.
-fn inertias(mass: &DMatrix<f64>, shares: &DMatrix<f64>) -> Option<Vec<f64>> {
-    let inverse = mass.clone().cholesky()?.inverse();
-    // the accelerations of the actuated joints under unit efforts of each of them
-    let mobility = shares.transpose() * inverse * shares;
-    let own: Vec<f64> = mobility.diagonal().iter().map(|m| 1.0 / m).collect();
-    let roots = DVector::from_iterator(own.len(), own.iter().map(|m| m.sqrt()));
-    let scaled = DMatrix::from_diagonal(&roots) * mobility * DMatrix::from_diagonal(&roots);
-    let fastest = scaled
-        .row_iter()
-        .map(|row| row.iter().map(|x| x.abs()).sum::<f64>())
-        .fold(1.0, f64::max);
+/// The generalised forces of unit efforts of the actuated joints at a closed state, as columns.
+fn shares_at<M: Model<f64> + ?Sized>(model: &M, q: &[f64]) -> Result<DMatrix<f64>, TuningError> {
+    let (dof, actuated) = (model.info().dof(), model.info().actuated.len());
+    let mut shares = DMatrix::zeros(dof, actuated);
+    let mut column = vec![0.0; dof];
+    for k in 0..actuated {
+        let mut unit = vec![0.0; actuated];
+        unit[k] = 1.0;
+        let _condition = model.generalized_forces(q, &unit, &mut column)?;
+        shares.column_mut(k).copy_from_slice(&column);
+    }
+    Ok(shares)
+}
+
+/// The accelerations of the actuated joints under unit efforts of each of them, at a closed state.
+fn mobility_at<M: Model<f64> + ?Sized>(
+    model: &M,
+    phi: &[f64],
+    q: &[f64],
+    shares: &DMatrix<f64>,
+) -> Result<DMatrix<f64>, TuningError> {
+    let dof = model.info().dof();
+    let mut mass = vec![0.0; dof * dof];
+    let _condition = model.mass_matrix(q, phi, &mut mass)?;
+    let mass = DMatrix::from_vec(dof, dof, mass).cholesky();
+    let inverse = mass.ok_or(TuningError::NotPositiveDefinite)?.inverse();
+    Ok(shares.transpose() * inverse * shares)
+}
+
+/// The least effective inertia of each actuated joint, while the other ones are free, at states with these
+/// mobilities. All are reduced by a common factor so that, with all controllers active at once, no mode is
+/// faster at any of the states than the bandwidth for which they are tuned; also returned is how many times
+/// slower the slowest mode is. `None` where an inertia is not positive.
+fn inertias(mobilities: &[DMatrix<f64>]) -> Option<(Vec<f64>, f64)> {
+    let joints = mobilities.first()?.nrows();
+    let greatest = |k: usize| {
+        let all = mobilities.iter().map(move |own| own[(k, k)]);
+        all.fold(0.0, f64::max)
+    };
+    let own: Vec<f64> = (0..joints).map(|k| 1.0 / greatest(k)).collect();
+    let roots = own.iter().map(|m| m.sqrt());
+    let roots = DMatrix::from_diagonal(&DVector::from_iterator(joints, roots));
+    let (mut fastest, mut slowest): (f64, f64) = (1.0, 1.0);
+    for mobility in mobilities {
+        let scaled = &roots * mobility * &roots;
+        if scaled.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let modes = scaled.symmetric_eigenvalues();
+        fastest = fastest.max(modes.max());
+        // further actuators than degrees of freedom move nothing
+        let moving = modes.iter().filter(|mode| **mode > 1e-9 * modes.max());
+        slowest = moving.fold(slowest, |least, mode| least.min(*mode));
+    }
     let own: Vec<f64> = own.iter().map(|m| m / fastest).collect();
-    own.iter().all(|m| m.is_finite() && *m > 0.0).then_some(own)
+    let is_possible = own.iter().all(|m| m.is_finite() && *m > 0.0);
+    is_possible.then(|| (own, (fastest / slowest).sqrt()))
 }
 
 #[cfg(test)]
@@ -243,25 +276,43 @@ mod tests {
 
     use super::*;
 
+    /// The mobility of a robot whose joints are its coordinates.
+    fn of(mass: &DMatrix<f64>) -> DMatrix<f64> {
+        mass.clone().try_inverse().unwrap()
+    }
+
     #[test]
     fn masses_that_do_not_meet_are_felt_as_they_are() {
         let mass = DMatrix::from_diagonal(&DVector::from_vec(vec![2.0, 5.0]));
-        let own = inertias(&mass, &DMatrix::identity(2, 2)).unwrap();
+        let (own, spread) = inertias(&[of(&mass)]).unwrap();
+        assert!((spread - 1.0).abs() < 1e-14);
         assert!((own[0] - 2.0).abs() < 1e-14 && (own[1] - 5.0).abs() < 1e-14);
     }
 
     #[test]
-    fn no_mode_of_coupled_masses_is_faster_than_asked() {
-        let mass = DMatrix::from_row_slice(2, 2, &[2.0, 1.9, 1.9, 2.0]);
-        let own = inertias(&mass, &DMatrix::identity(2, 2)).unwrap();
+    fn no_mode_of_coupled_masses_is_faster_than_asked_at_any_state() {
+        let there = DMatrix::from_row_slice(2, 2, &[2.0, 1.9, 1.9, 2.0]);
+        let here = DMatrix::from_row_slice(2, 2, &[9.0, 0.1, 0.1, 0.3]);
+        let (own, spread) = inertias(&[of(&here), of(&there)]).unwrap();
         let gains = DMatrix::from_diagonal(&DVector::from_vec(own));
-        let modes = (mass.try_inverse().unwrap() * gains).complex_eigenvalues();
-        assert!(modes.iter().all(|m| m.norm() < 1.0 + 1e-12), "{modes}");
+        let squares = [here, there].map(|mass| (of(&mass) * &gains).complex_eigenvalues());
+        let squares = squares
+            .iter()
+            .flat_map(|own| own.iter().map(|mode| mode.norm()));
+        let squares: Vec<f64> = squares.collect();
+        let most = squares.iter().fold(0.0, |most: f64, own| most.max(*own));
+        let least = squares.iter().fold(most, |least, own| least.min(*own));
+        // one mode is as fast as that, and one as slow as the spread says
+        assert!((most - 1.0).abs() < 1e-12, "{squares:?}");
+        assert!(
+            (least.sqrt() * spread - 1.0).abs() < 1e-12,
+            "{squares:?} {spread}"
+        );
     }
 
     #[test]
     fn inertia_that_no_body_has_is_refused() {
-        let mass = DMatrix::from_row_slice(2, 2, &[1.0, 2.0, 2.0, 1.0]);
-        assert!(inertias(&mass, &DMatrix::identity(2, 2)).is_none());
+        let mobility = DMatrix::from_row_slice(2, 2, &[f64::INFINITY, 0.0, 0.0, 1.0]);
+        assert!(inertias(&[mobility]).is_none());
     }
 }

@@ -42,6 +42,8 @@ pub struct Twin {
     pub parameters: Vec<f64>,
     /// The settings of its runs: controllers, drives, friction and sensors.
     pub settings: Settings,
+    /// As [`Control::spread`](super::Control::spread).
+    pub spread: f64,
 }
 
 impl Twin {
@@ -49,7 +51,8 @@ impl Twin {
     ///
     /// - `nominal`: p parameters, SI;
     /// - `fitted`: friction that replaces nominal nonlinear friction;
-    /// - `start`: the independent coordinates at which the controllers are tuned, dof, rad or m.
+    /// - `states`: the independent coordinates, dof, rad or m, of the start and of further states of the
+    ///   motion, at which the controllers are tuned.
     ///
     /// # Errors
     /// When a joint's friction has no value, or no controllers can be tuned.
@@ -69,7 +72,7 @@ impl Twin {
     ///     perturb: 0.1,
     ///     seed: 7,
     /// };
-    /// let twin = Twin::new(&models::Pendulum, &[0.5, 2.0], &[], &[0.0], &options)?;
+    /// let twin = Twin::new(&models::Pendulum, &[0.5, 2.0], &[], &[vec![0.0]], &options)?;
     /// assert!((twin.parameters[0] - 0.5).abs() < 0.05 && twin.parameters[0] != 0.5);
     /// let rest = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.0;
     /// let run = twin.run(7, 0, 0.5);
@@ -81,7 +84,7 @@ impl Twin {
         model: &M,
         nominal: &[f64],
         fitted: &[JointFit],
-        start: &[f64],
+        states: &[Vec<f64>],
         options: &TwinOptions<'_>,
     ) -> Result<Self, TwinError> {
         let info = model.info();
@@ -101,13 +104,15 @@ impl Twin {
             without_friction(&info, &mut parameters);
             Vec::new()
         };
-        let control = control(options.bandwidth, options.gains, model, nominal, start)?;
+        let tuned = (options.bandwidth, options.period);
+        let control = control(tuned, options.gains, model, nominal, states)?;
         let drive = |joint: &usize| Drive {
             lag: options.lag,
             limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
         };
         Ok(Self {
             parameters,
+            spread: control.spread,
             settings: Settings {
                 period: options.period,
                 pid: control.pid,
@@ -193,6 +198,7 @@ mod tests {
         let twin = Twin {
             parameters: Vec::new(),
             settings: Settings::default(),
+            spread: 1.0,
         };
         let mut all: Vec<u64> = (0..50)
             .flat_map(|seed| (0..50).map(move |run| (seed, run)))

@@ -21,6 +21,9 @@ const GENTLE_FREQUENCY_HZ: f64 = 0.1;
 /// let reference = FourierReference::new("swing".to_owned(), series, 1);
 /// assert_eq!((reference.name(), reference.period()), ("swing", 2.0));
 /// assert_eq!(reference.position(0.0), [1.25]);
+/// let states = reference.states();
+/// assert_eq!(states[0], [1.25]);
+/// assert!((states[states.len() / 2][0] - 0.75).abs() < 1e-12);
 /// # Ok::<(), regen_identify::signals::SignalError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
@@ -72,6 +75,14 @@ impl FourierReference {
     /// The independent coordinates at the time `t` in s, rad or m.
     pub fn position(&self, t: f64) -> Vec<f64> {
         (0..self.dof).map(|k| self.series.at(k, t)[0]).collect()
+    }
+
+    /// The independent coordinates at the start, and at evenly spaced times of a period, rad or m.
+    pub fn states(&self) -> Vec<Vec<f64>> {
+        /// Enough for inertias, which change with the second harmonic of joints at most.
+        const COUNT: u32 = 64;
+        let times = (0..COUNT).map(|k| self.period() * f64::from(k) / f64::from(COUNT));
+        times.map(|t| self.position(t)).collect()
     }
 }
 
