@@ -113,7 +113,9 @@ fn sizes(states: &[&Stored], i: usize, grams: &Grams) -> Option<Sizes> {
             own.1.powi(2) * predicted(&own.0, &along)
         })?;
         let length = along.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        (along.iter_mut()).for_each(|x| *x /= length.max(f64::MIN_POSITIVE));
+        for x in &mut along {
+            *x /= length.max(f64::MIN_POSITIVE);
+        }
     }
     let count = rows.len().max(1) as f64;
     let settled = |mut found: Vec<f64>| -> Option<Sizes> {
