@@ -253,7 +253,9 @@ mod tests {
         for step in [0.05, 0.01, 0.002, 0.0001] {
             let found = candidates(Some(step), 3.0);
             assert!(!found.is_empty());
-            let suits = |own: &(f64, f64)| own.1 == step && own.0 * step <= 0.08 + 1e-12;
+            let suits = |own: &(f64, f64)| {
+                own.1.to_bits() == step.to_bits() && own.0 * step <= 0.08 + 1e-12
+            };
             assert!(found.iter().all(suits), "{found:?}");
         }
     }
