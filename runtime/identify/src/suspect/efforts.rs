@@ -29,7 +29,7 @@ const MIN_FACTOR_IN_NOISE: f64 = 1.05;
 const MIN_REPORTED_FACTOR: f64 = 2.0;
 /// Flipped signs may increase the largest error and the product of errors by this factor if the
 /// parameters become plausible: what fits worse is no remedy.
-const MAX_LOSS_OF_SIGNS: f64 = 1.002;
+const MAX_LOSS_OF_SIGNS: f64 = 1.01;
 /// The largest number of efforts of which all orders are tried at once.
 const MAX_ORDERED: usize = 4;
 /// The largest number of efforts of which all signs are tried at once.
