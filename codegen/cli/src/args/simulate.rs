@@ -17,8 +17,8 @@ follow from the bandwidth and the robot's inertia along the motion, such that no
 mode is faster than the bandwidth. Without --bandwidth, bandwidths from 3 to 96
 Hz are tried on one period, with a --step that suits them, and the first is used
 with which every joint stays within 5 % of its range of the motion, or else the
-closest one; if none stays within 20 %, the exit code is 4. Friction is that of the spec, with its nominal coefficients; efforts are limited
-as in the spec.
+closest one; if none stays within 20 %, the exit code is 4. Friction is that of
+the spec, with its nominal coefficients; efforts are limited as in the spec.
 
 Without --trajectory each independent coordinate oscillates about home, at 0.1
 Hz and multiples of it, by at most 40 % of the range that limits and loops
