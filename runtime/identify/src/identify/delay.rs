@@ -23,9 +23,10 @@ pub struct Delay {
     /// The degrees of freedom of Student's distribution with this standard deviation: the number of
     /// independent stretches of the log that it is computed from.
     pub degrees_of_freedom: f64,
-    /// The delay in slower motion, s, found with half the cutoff, where it contradicts this one: it is
-    /// less than half of it, beyond their errors. An effort that is logged late is late at every
-    /// frequency. One that only seems so, because a controller answers noise of the measured
+    /// The delay in slower motion, s, found with half the cutoff, or that away from reversals of friction, where it
+    /// contradicts this one: it is less than half of it, or away from reversals another one, beyond their errors. An
+    /// effort that is logged late is late at every frequency, and friction changes its sign at an instant that is not
+    /// known to a fraction of a sample. One that only seems so, because a controller answers noise of the measured
     /// positions or the model does not explain the effort, is not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slower: Option<f64>,
@@ -41,7 +42,7 @@ const STATED_LEVEL: f64 = 0.9995;
 /// expects one, so that the degrees of freedom of a short log do not count.
 const CORRECTED_DEVIATIONS: f64 = 3.0;
 
-/// Equations of less weight, and those beside them, tell nothing of delays.
+/// Equations of less weight are beside a reversal or a gap.
 const WHOLE_WEIGHT: f64 = 0.95;
 
 impl Delay {
@@ -77,6 +78,15 @@ impl Delay {
     fn compare(&mut self, slower: &Self) {
         let contradicts = self.is_contradicted_by(slower);
         self.slower = (self.may_be_more_than_chance() && contradicts).then_some(slower.seconds);
+    }
+
+    /// Compares the delay with that away from reversals.
+    fn compare_away(&mut self, away: &Self) {
+        let error = CONTRADICTION_DEVIATIONS * self.sigma.hypot(away.sigma);
+        let apart = (self.seconds - away.seconds).abs();
+        if self.is_worth_correcting() && apart > error.max(0.5 * self.seconds.abs()) {
+            self.slower = Some(away.seconds);
+        }
     }
 
     /// Whether another estimate of the delay is less than half as long, by more than both deviations explain.
@@ -167,6 +177,25 @@ impl Delays {
     }
 }
 
+impl Delays {
+    /// Compares each delay with that away from reversals. Where the common one is contradicted, so is every effort's,
+    /// for one cause acts on all.
+    pub(super) fn compare_away(&mut self, away: &Self) {
+        if let (Some(own), Some(other)) = (&mut self.common, &away.common) {
+            let before = own.slower;
+            own.compare_away(other);
+            if own.slower != before {
+                for (own, other) in self.efforts.iter_mut().zip(&away.efforts) {
+                    own.slower.get_or_insert(other.seconds);
+                }
+            }
+        }
+        for (own, other) in self.efforts.iter_mut().zip(&away.efforts) {
+            own.compare_away(other);
+        }
+    }
+}
+
 /// Estimates the delays together with the parameters: an effort that is logged late by d is
 /// `tau(t - d) = tau(t) - d dtau/dt` to first order, so minus the rate of the predicted effort is
 /// an additional column of the regressor. The first pass over the equations reduces these columns.
@@ -219,6 +248,12 @@ impl<'a> DelayFit<'a> {
         }
     }
 
+    /// Leaves out equations of less weight, and those beside them.
+    pub(super) fn away_from_reversals(mut self) -> Self {
+        self.window.only_whole = true;
+        self
+    }
+
     /// Takes the equations of a sample.
     ///
     /// # Errors
@@ -262,7 +297,10 @@ impl<'a> DelayFit<'a> {
         Ok(Some(DelayScores {
             names: self.names,
             weights: self.weights,
-            window: RateWindow::new(self.window.values),
+            window: RateWindow {
+                only_whole: self.window.only_whole,
+                ..RateWindow::new(self.window.values)
+            },
             fit: self.factor,
             parameters: self.window.values.len(),
             scores: Autocorrelated::new(extended.len(), bandwidth),
@@ -444,7 +482,9 @@ struct RateWindow<'a> {
     /// The predicted efforts two samples before the last one, and the weights of the equations there.
     oldest: Vec<f64>,
     oldest_weights: Vec<f64>,
-    /// The weights of the equations that tell delays.
+    /// Whether equations of less weight, and those beside them, are left out.
+    only_whole: bool,
+    /// The weights of the equations.
     weights: Vec<f64>,
     rates: Vec<f64>,
     /// Half the time between the last neighbours, s.
@@ -462,6 +502,7 @@ impl<'a> RateWindow<'a> {
             run: 0,
             oldest: Vec::new(),
             oldest_weights: Vec::new(),
+            only_whole: false,
             weights: Vec::new(),
             rates: Vec::new(),
             step: 0.0,
@@ -497,14 +538,17 @@ impl<'a> RateWindow<'a> {
         self.rates
             .extend(ends.map(|(after, before)| (after - before) / span));
         let own = &self.before;
-        // beside a rest friction changes at once, at an instant that is not known to a fraction of a sample
         let around = self.oldest_weights.iter().zip(&self.at.weights);
-        let whole = around.zip(&own.weights).map(|((before, after), weight)| {
-            let least = before.min(*after).min(*weight);
-            if least < WHOLE_WEIGHT { 0.0 } else { *weight }
+        let weights = around.zip(&own.weights).map(|((before, after), weight)| {
+            let is_whole = before.min(*after).min(*weight) >= WHOLE_WEIGHT;
+            if is_whole || !self.only_whole {
+                *weight
+            } else {
+                0.0
+            }
         });
         self.weights.clear();
-        self.weights.extend(whole);
+        self.weights.extend(weights);
         let equations = Equations {
             time: own.time,
             w: &own.w,
@@ -613,21 +657,58 @@ mod tests {
     }
 
     #[test]
-    fn equations_beside_those_of_less_weight_tell_nothing_of_delays() {
-        let mut window = RateWindow::new(&[1.0]);
-        let mut told = Vec::new();
-        for (time, weight) in [1.0, 1.0, 0.5, 1.0, 0.97, 1.0].into_iter().enumerate() {
-            let equations = Equations {
-                time: time as f64,
-                w: &[1.0],
-                tau: &[0.0],
-                weights: &[weight],
-                follows: true,
-                held: &[],
+    fn delays_away_from_reversals_are_those_of_equations_beside_no_lighter_one() {
+        let told = |only_whole: bool| {
+            let mut window = RateWindow {
+                only_whole,
+                ..RateWindow::new(&[1.0])
             };
-            told.extend(window.push(&equations).map(|own| own.0.weights[0]));
-        }
-        assert_eq!(told, [0.0, 0.0, 0.0, 0.97]);
+            let mut told = Vec::new();
+            for (time, weight) in [1.0, 1.0, 0.5, 1.0, 0.97, 1.0].into_iter().enumerate() {
+                let equations = Equations {
+                    time: time as f64,
+                    w: &[1.0],
+                    tau: &[0.0],
+                    weights: &[weight],
+                    follows: true,
+                    held: &[],
+                };
+                told.extend(window.push(&equations).map(|own| own.0.weights[0]));
+            }
+            told
+        };
+        assert_eq!(told(true), [0.0, 0.0, 0.0, 0.97]);
+        assert_eq!(told(false), [1.0, 0.5, 1.0, 0.97]);
+    }
+
+    #[test]
+    fn a_delay_that_is_another_one_away_from_reversals_is_contradicted() {
+        let own = |seconds: f64, sigma: f64| Delay {
+            effort: "q1".to_owned(),
+            seconds,
+            sigma,
+            degrees_of_freedom: 100.0,
+            slower: None,
+        };
+        let contradicted = |seconds: f64, away: f64, sigma: f64| {
+            let mut all = Delays {
+                efforts: vec![own(seconds, 1e-4)],
+                common: Some(own(seconds, 1e-4)),
+                ..Delays::default()
+            };
+            all.compare_away(&Delays {
+                efforts: vec![own(away, sigma)],
+                common: Some(own(away, sigma)),
+                ..Delays::default()
+            });
+            assert_eq!(all.efforts[0].slower, all.common.and_then(|own| own.slower));
+            all.efforts[0].slower
+        };
+        assert_eq!(contradicted(-3e-3, -1e-3, 1e-4), Some(-1e-3));
+        assert_eq!(contradicted(-3e-3, -2e-2, 2e-3), Some(-2e-2));
+        assert_eq!(contradicted(-3e-3, -2e-3, 1e-4), None);
+        // what is not known contradicts nothing
+        assert_eq!(contradicted(-3e-3, -1e-3, 2e-3), None);
     }
 
     #[test]

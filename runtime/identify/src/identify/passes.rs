@@ -8,7 +8,7 @@ use super::huber::{Reweighting, partitioned, reweighted};
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
 use super::rests::weighed_by_rests;
-use super::slower::delays_of_slower_motion;
+use super::slower::{OtherEquations, delays_of};
 use super::stored::StoredEquations;
 use super::stream::{Columns, LeftOut, equations};
 use crate::estimate::huber as loss;
@@ -465,8 +465,13 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let mut delays = delays.map_or_else(Delays::default, DelayScores::finish);
     if delays.may_be_more_than_chance() {
         let solved = (&estimate, names.as_slice(), weights.as_slice());
-        if let Some(slower) = delays_of_slower_motion(replay, solved, bandwidth, step) {
+        if let Some(slower) = delays_of(OtherEquations::Slower, replay, solved, bandwidth, step) {
             delays.compare(&slower);
+        }
+        let rests = replay.left_out().resting.iter().any(|count| *count > 0);
+        let away = OtherEquations::AwayFromReversals;
+        if rests && let Some(away) = delays_of(away, replay, solved, bandwidth, step) {
+            delays.compare_away(&away);
         }
     }
     let fraction_within_bound = match options.huber {

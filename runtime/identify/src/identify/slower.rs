@@ -1,4 +1,4 @@
-//! Estimates the delays of efforts a second time, from slower motion.
+//! Estimates the delays of efforts a second time, from slower motion or away from reversals of friction.
 
 use regen_runtime::BaseModel;
 
@@ -35,30 +35,48 @@ impl<S: Source + ?Sized> Source for Refiltered<'_, S> {
     }
 }
 
-/// The delays of the efforts behind the motion, from equations that pass a filter with half the cutoff
-/// of the log's filter; `None` where this filter does not suit the log, or too little of it is left.
-///
-/// Both sides of the equations pass the filter and stay equal, so that it changes a delay only by
-/// its error. Noise of positions that a controller answers is in the efforts and, differentiated three
-/// times, in their rates: what it adds to a delay falls with a high power of the cutoff.
+/// The equations from which delays are estimated a second time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum OtherEquations {
+    /// Those that pass a filter with half the cutoff of the log's filter. Both sides pass it and stay equal, so that
+    /// it changes a delay only by its error. Noise of positions that a controller answers is in the efforts and,
+    /// differentiated three times, in their rates: what it adds to a delay falls with a high power of the cutoff.
+    Slower,
+    /// Those beside none that is left out, where friction may change its sign: when it does is not known to a
+    /// fraction of a sample.
+    AwayFromReversals,
+}
+
+/// The delays of the efforts behind the motion, from other equations; `None` where the filter does not suit the log,
+/// or too little of it is left.
 ///
 /// - `solved`: the estimate, and the names and weights of the efforts;
 /// - `bandwidth`: the number of samples in which the residuals of the log's own filter are correlated;
 /// - `step`: the time between samples, s.
-pub(super) fn delays_of_slower_motion<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+pub(super) fn delays_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    which: OtherEquations,
     replay: &mut Replay<'_, M, S>,
     (estimate, names, weights): (&Estimate, &[String], &[f64]),
     bandwidth: usize,
     step: f64,
 ) -> Option<Delays> {
     let (model, kind) = (replay.model(), replay.kind());
+    let static_friction = replay.static_friction().to_vec();
     let (source, columns) = replay.source_and_columns();
-    let filtering = slower(source.filtering(), step);
+    let own = source.filtering();
+    let (filtering, times) = match which {
+        OtherEquations::Slower => (slower(own, step), 2),
+        OtherEquations::AwayFromReversals => (own, 1),
+    };
     let mut other = Refiltered { source, filtering };
     let mut replay = Replay::with_columns(model, kind, &mut other, Box::new(columns)).shared(2);
     let mut fit = DelayFit::new(&estimate.labels, &estimate.values, names, weights);
+    if which == OtherEquations::AwayFromReversals {
+        replay.set_static_friction(static_friction);
+        fit = fit.away_from_reversals();
+    }
     replay.visit(&mut |equations| fit.push(equations)).ok()?;
-    let mut scores = fit.finish(2 * bandwidth).ok()??;
+    let mut scores = fit.finish(times * bandwidth).ok()??;
     replay.visit(&mut |equations| scores.push(equations)).ok()?;
     let delays = scores.finish();
     (!delays.efforts.is_empty()).then_some(delays)

@@ -74,7 +74,7 @@ pub(crate) fn delay_fields(
         && !is_stated
     {
         let text = format!(
-            "none: {} here, but {} in slower motion;",
+            "none: {} here, but {} in slower motion or away from reversals;",
             sided(seconds),
             sided(slower)
         );
@@ -98,7 +98,7 @@ fn matters(delay: &Delay) -> bool {
     delay.is_significant() && delay.seconds.abs() > MATTERS_S
 }
 
-/// A delay that would be stated if slower motion did not contradict it, s, and that of slower motion.
+/// A delay that would be stated if other equations did not contradict it, s, and that of these.
 fn contradicted(delay: &Delay) -> Option<(f64, f64)> {
     let slower = delay.slower?;
     (delay.seconds.abs() > MATTERS_S).then_some((delay.seconds, slower))
