@@ -7,8 +7,9 @@ use super::trial::{MAX_CORRELATION_OF_NOISE, correlation};
 use core::cell::Cell;
 
 use super::{
-    Change, DOUBTED_ERROR, MAX_CORRELATION_OF_WHITE, MAX_OFFSET_PART, MIN_GAIN_PER_COLUMN,
-    MIN_OFFSET_PART, Measured, Reading, Sample, implausible_count, least_states, quality, worst,
+    Change, DOUBTED_ERROR, MAX_CORRELATION_OF_WHITE, MAX_OFFSET_PART, MIN_DOUBTED_ERROR,
+    MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample, implausible_count,
+    least_states, quality, worst,
 };
 use regen_runtime::{BaseModel, Motion};
 
@@ -48,6 +49,8 @@ const MIN_GAIN: f64 = 1.1;
 const MIN_GAIN_OF_MOTION: f64 = 1.5;
 /// The factor by which the product of errors may be larger with another number that is fitted to the whole log, too.
 const MAX_GAIN_OVER_RIVAL: f64 = 2.0;
+/// The factor by which the error of an effort may be larger with a delay of all.
+const MAX_LOSS_WITH_ALL: f64 = 1.05;
 /// The smallest relative error that is compared.
 const LEAST_ERROR: f64 = 1e-3;
 /// The largest delay of a position or of the efforts, s; the smallest is a step of the log.
@@ -429,12 +432,16 @@ impl Tried {
         // a delay of all is not that of one effort, of which noise may be left
         let is_of_all = self.values.iter().all(|own| own.0 == Unknown::Behind);
         gain >= needed
-            && (is_of_all
-                || pairs.all(|(after, before)| {
+            && pairs.all(|(after, before)| {
+                if is_of_all {
+                    // one cause makes no effort less explained
+                    *after < MIN_DOUBTED_ERROR || *after < MAX_LOSS_WITH_ALL * before
+                } else {
                     *after < DOUBTED_ERROR
                         || *before < MIN_GAIN * after
                         || *before > MIN_GAIN_PER_COLUMN * after
-                }))
+                }
+            })
     }
 
     fn weights(&self) -> Vec<f64> {
@@ -855,6 +862,26 @@ mod tests {
             own.adds_to(&none),
             search(model, &sample, &grams, &now),
         )
+    }
+
+    #[test]
+    fn a_delay_of_all_efforts_leaves_none_of_them_less_explained() {
+        let model = swings(true);
+        let sample = sample_of(200, 0.1);
+        let search = Search {
+            model: &model,
+            sample: &sample,
+            every: 1,
+            left: Cell::new(usize::MAX),
+            spreads: &[1.0; 3],
+        };
+        let mut found = search.of(vec![(Unknown::Behind, 0.01)]).unwrap();
+        let mut before = found.fit.clone();
+        before.errors = vec![0.4, 0.4, 0.16];
+        found.fit.errors = vec![0.1, 0.2, 0.16];
+        assert!(found.explains(&before, &sample));
+        found.fit.errors = vec![0.1, 0.2, 0.19];
+        assert!(!found.explains(&before, &sample));
     }
 
     #[test]
