@@ -74,7 +74,7 @@ pub(crate) fn delay_fields(
         && !is_stated
     {
         let text = format!(
-            "none: {} here, but {} in slower motion or away from reversals;",
+            "none: {} here, but {} in other equations;",
             sided(seconds),
             sided(slower)
         );
