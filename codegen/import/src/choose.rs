@@ -2,7 +2,7 @@
 
 use regen_codegen::Mechanism;
 use regen_codegen::constraints::{
-    HomeProblem, NumericLoops, agreement, close_home, gaps, half_turns, world_equations,
+    Equations, HomeProblem, NumericLoops, agreement, close_home, gaps, half_turns, world_equations,
 };
 use regen_codegen::diag::{Diagnostic, Report, Source, Span, rounded};
 use regen_codegen::functions::Symbols;
@@ -33,12 +33,7 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
     let source = Source::new("imported spec", text);
     let mechanism = Mechanism::open(&source)?;
     let model = mechanism.model();
-    let mut g = Graph::new();
-    let _ = Symbols::new(&mut g, model);
-    let frames = Frames::new(&mut g, model, Geometry::Values);
-    let world = world_equations(&mut g, &frames, model, None);
-    let mut all = world.clone();
-    all.extend(half_turns(&mut g, &frames, model));
+    let (mut g, frames, [world, all]) = loop_equations(model);
     let mut cosines = Vec::new();
     for cut in &model.cuts {
         cosines.extend(agreement(&mut g, &frames, model, cut));
@@ -109,6 +104,17 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
             Err(Report::new(source.clone(), vec![diagnostic]))
         }
     }
+}
+
+/// The frames of a mechanism and its loop equations, and these with those that do not hold half a turn away.
+fn loop_equations(model: &Model) -> (Graph, Frames, [Equations; 2]) {
+    let mut g = Graph::new();
+    let _ = Symbols::new(&mut g, model);
+    let frames = Frames::new(&mut g, model, Geometry::Values);
+    let world = world_equations(&mut g, &frames, model, None);
+    let mut all = world.clone();
+    all.extend(half_turns(&mut g, &frames, model));
+    (g, frames, [world, all])
 }
 
 /// The message and the hint of loops that a search has not closed.
@@ -456,10 +462,7 @@ home: {q1: pi/3, q2: 2*pi/3}
     fn loops_with_rows_that_depend_on_each_other_close_from_afar() {
         let mechanism = Mechanism::open(&Source::new("triangle", TRIANGLE)).unwrap();
         let model = mechanism.model();
-        let mut g = Graph::new();
-        let _ = Symbols::new(&mut g, model);
-        let frames = Frames::new(&mut g, model, Geometry::Values);
-        let world = world_equations(&mut g, &frames, model, None);
+        let (g, _, [world, _]) = loop_equations(model);
         let loops = NumericLoops::new(&g, &world, model);
         let parts = parts(&loops, &[0.3, 0.7]);
         assert_eq!(parts.len(), 1);
@@ -489,12 +492,7 @@ cuts:
 ";
         let mechanism = Mechanism::open(&Source::new("wrist", text)).unwrap();
         let model = mechanism.model();
-        let mut g = Graph::new();
-        let _ = Symbols::new(&mut g, model);
-        let frames = Frames::new(&mut g, model, Geometry::Values);
-        let world = world_equations(&mut g, &frames, model, None);
-        let mut all = world.clone();
-        all.extend(half_turns(&mut g, &frames, model));
+        let (g, _, [world, all]) = loop_equations(model);
         let cosine = |equations| {
             let loops = NumericLoops::new(&g, equations, model);
             let part = &parts(&loops, &[0.3, 0.2, 0.1])[0];

@@ -175,9 +175,7 @@ impl Delays {
             }
         }
     }
-}
 
-impl Delays {
     /// Compares each delay with that away from reversals. Where the common one is contradicted, so is every effort's,
     /// for one cause acts on all.
     pub(super) fn compare_away(&mut self, away: &Self) {

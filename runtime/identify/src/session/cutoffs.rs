@@ -6,8 +6,10 @@
 //! is what noise leaves unknown, and simulation and extrapolation give the bias (errors in variables).
 //! Noise that neither knows of, such as that of a wandering clock, shows where an estimate differs from
 //! those of lower cutoffs by more than the deviations of both (Lepskii, 1991), unless two higher cutoffs
-//! contradict the lower one together: then it bends the motion. All three are errors of efforts. Their mean squares are estimated from few independent samples, so that the smallest is so
-//! partly by chance: what is chosen is the mean of all cutoffs, weighted by their inverse.
+//! contradict the lower one together: then it bends the motion. All three are errors of efforts. Their mean squares are
+//! estimated from few independent samples, so that the smallest is so partly by chance: what is chosen is the mean of all
+//! cutoffs, weighted by their inverse. The search ends some cutoffs above the best one, unless these leave far less of an
+//! effort.
 //!
 //! The filter is of the second order: the weight of a frequency, the fourth power of the filter's gain,
 //! then falls as slowly as the noise of accelerations grows beside that of the efforts, which is nearly

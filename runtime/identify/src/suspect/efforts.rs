@@ -27,8 +27,8 @@ const MIN_FACTOR_IN_NOISE: f64 = 1.05;
 /// Factors on an effort between 1 over this and this may come from geometry and friction, and are
 /// not reported.
 const MIN_REPORTED_FACTOR: f64 = 2.0;
-/// Flipped signs may increase the largest error and the product of errors by this factor if the
-/// parameters become plausible: what fits worse is no remedy.
+/// Flipped signs may increase the largest error and the product of errors of a sample by this factor if the
+/// parameters become plausible; a fit of the whole log tells whether they fit worse.
 const MAX_LOSS_OF_SIGNS: f64 = 1.01;
 /// The largest number of efforts of which all orders are tried at once.
 const MAX_ORDERED: usize = 4;

@@ -253,13 +253,21 @@ pub fn weightless<M: BaseModel<f64> + ?Sized>(
         .iter()
         .map(|k| format!("`{}`", columns.effort(*k).column))
         .collect();
+    let equations: Vec<usize> = (0..grams.rows())
+        .filter(|i| {
+            grams
+                .only_effort(*i)
+                .is_some_and(|own| offsets.contains(&own))
+        })
+        .collect();
+    // others, such as those that are noise alone, say nothing of it
     let left = |trial: &Trial| {
-        let most = trial.nominal.iter().fold(0.0, |m: f64, e| m.max(*e));
-        100.0 * most
+        let own = equations.iter().filter_map(|i| trial.nominal.get(*i));
+        100.0 * own.fold(0.0, |m: f64, e| m.max(*e))
     };
     let what = format!(
         "the weight of the nominal bodies, or another constant, is missing in {}: with an offset \
-         they leave at most {:.0} % of an effort, and {:.0} % without it",
+         they leave at most {:.0} % of the effort, and {:.0} % without it",
         names.join(", "),
         left(&now),
         left(&before),
@@ -331,7 +339,7 @@ mod tests {
         let left = |own: &Trial| 100.0 * own.nominal.iter().fold(0.0, |m: f64, e| m.max(*e));
         let (now, without) = (left(&after), left(&before));
         assert!(now < 20.0 && without > 80.0, "{now} {without}");
-        let words = format!("at most {now:.0} % of an effort, and {without:.0} % without it");
+        let words = format!("at most {now:.0} % of the effort, and {without:.0} % without it");
         assert!(
             found.what.contains("`tau_q2`") && found.what.contains(&words),
             "{}",
