@@ -3,6 +3,7 @@
 
 use super::average::Average;
 use super::bridge::Bridged;
+use super::noise_levels::NoiseLevels;
 use super::policy::{Policies, Policy};
 use super::problem::{DataError, Problem, Problems};
 use super::reader::{LogFile, LogRow, RowSink};
@@ -118,6 +119,8 @@ pub(super) struct Log {
     pub(super) divided: bool,
     /// Whether all rows of the file are used as they are, each following the one before.
     pub(super) is_whole: bool,
+    /// The noise of each effort, once it was computed from rows as they are in the file.
+    pub(super) effort_levels: Option<Vec<NoiseLevels>>,
     /// Rows in memory that take the place of those of the file, one list for each stretch without a
     /// gap.
     pub(super) kept: Option<Vec<Vec<LogRow>>>,
@@ -376,6 +379,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 series,
                 encoders,
                 velocity_noise,
+                effort_levels: None,
                 kept: None,
                 is_whole,
                 divided: segments > 1,
@@ -532,6 +536,14 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
     fn allow_fewer_states(&mut self, are_allowed: bool) -> usize {
         self.states_every = if are_allowed { self.fewest_states() } else { 1 };
         self.states_every
+    }
+
+    fn effort_densities(&self) -> Result<Vec<f64>, DataError> {
+        match self.settings.period {
+            // the equations are means of periods
+            Some(_) => Ok(Vec::new()),
+            None => self.densities_of_efforts(),
+        }
     }
 
     fn filtering(&self) -> Filtering {

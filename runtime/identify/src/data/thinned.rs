@@ -62,10 +62,14 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 was_within = within;
                 Ok(())
             })?;
-            files.push(Log {
+            let mut kept = Log {
                 kept: Some(stretches),
                 ..log.clone()
-            });
+            };
+            if kept.effort_levels.is_none() {
+                kept.effort_levels = Some(kept.levels(kept.file.layout.efforts()));
+            }
+            files.push(kept);
         }
         Ok(self.with_files(files))
     }
@@ -158,7 +162,8 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
 
     /// The noise levels of the columns of motion of each log, in the order of the rows' entries.
     pub(crate) fn noise_levels(&self) -> Vec<Vec<NoiseLevels>> {
-        self.levels_of(|log| 1..log.file.layout.efforts().start)
+        let of_motion = |log: &Log| log.levels(1..log.file.layout.efforts().start);
+        self.files.iter().map(of_motion).collect()
     }
 
     /// The standard deviations of the noise that is left in the efforts of the equations, in the order of
@@ -168,42 +173,47 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
     /// # Errors
     /// When a log cannot be read.
     pub fn effort_noise(&self) -> Result<Vec<f64>, DataError> {
-        let kept = self.in_memory(NOISE_ROWS)?;
-        let levels = kept.levels_of(|log| log.file.layout.efforts());
-        let count = levels.len().max(1) as f64;
+        let out = self.mean_of_effort_levels(|passed, own| 2.0 * passed * own.density(passed))?;
+        Ok(out.into_iter().map(f64::sqrt).collect())
+    }
+
+    /// See [`Source::effort_densities`](crate::states::Source::effort_densities).
+    pub(super) fn densities_of_efforts(&self) -> Result<Vec<f64>, DataError> {
+        // the octave above has twice as many means
+        self.mean_of_effort_levels(|passed, own| {
+            (own.density(passed) + 2.0 * own.density(2.0 * passed)) / 3.0
+        })
+    }
+
+    /// For each effort the mean over the logs of what its noise is below the highest frequency that the filter
+    /// passes, Hz.
+    fn mean_of_effort_levels(
+        &self,
+        of: impl Fn(f64, &NoiseLevels) -> f64,
+    ) -> Result<Vec<f64>, DataError> {
+        let read;
+        let known = self.files.iter().all(|log| log.effort_levels.is_some());
+        let files = if known {
+            &self.files
+        } else {
+            read = self.in_memory(NOISE_ROWS)?;
+            &read.files
+        };
+        let count = files.len().max(1) as f64;
         let mut out = Vec::new();
-        for (log, levels) in kept.files.iter().zip(levels) {
+        for log in files {
             let half_rate = 0.5 / log.survey.time_step();
             let passed = match self.settings.method {
                 Method::Butterworth { cutoff, .. } => cutoff.min(half_rate),
                 _ => half_rate,
             };
+            let levels = log.effort_levels.as_deref().unwrap_or_default();
             out.resize(levels.len(), 0.0);
             for (sum, own) in out.iter_mut().zip(levels) {
-                *sum += 2.0 * passed * own.density(passed) / count;
+                *sum += of(passed, own) / count;
             }
         }
-        Ok(out.into_iter().map(f64::sqrt).collect())
-    }
-
-    /// The noise levels of some entries of the rows of each log.
-    fn levels_of(
-        &self,
-        entries: impl Fn(&Log) -> core::ops::Range<usize>,
-    ) -> Vec<Vec<NoiseLevels>> {
-        let of_log = |log: &Log| {
-            let column = |entry: usize| {
-                let kept = log.kept.iter().flatten();
-                let values = |rows: &Vec<LogRow>| -> Vec<f64> {
-                    let values = rows.iter().filter_map(|row| row.values.get(entry).copied());
-                    values.collect()
-                };
-                let stretches: Vec<Vec<f64>> = kept.map(values).collect();
-                NoiseLevels::new(log.survey.time_step(), &stretches)
-            };
-            entries(log).map(column).collect()
-        };
-        self.files.iter().map(of_log).collect()
+        Ok(out)
     }
 
     /// The time between the rows of each log, s, and how long it is, s.
@@ -237,6 +247,22 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             reports: self.reports.clone(),
             states_every: 1,
         }
+    }
+}
+
+impl Log {
+    /// The noise levels of some entries of the rows in memory.
+    fn levels(&self, entries: core::ops::Range<usize>) -> Vec<NoiseLevels> {
+        let column = |entry: usize| {
+            let kept = self.kept.iter().flatten();
+            let values = |rows: &Vec<LogRow>| -> Vec<f64> {
+                let values = rows.iter().filter_map(|row| row.values.get(entry).copied());
+                values.collect()
+            };
+            let stretches: Vec<Vec<f64>> = kept.map(values).collect();
+            NoiseLevels::new(self.survey.time_step(), &stretches)
+        };
+        entries.map(column).collect()
     }
 }
 
@@ -342,6 +368,7 @@ mod tests {
 
     use super::*;
     use crate::data::Settings;
+    use crate::states::Source;
     use crate::suspect::swings_for_tests::{Swings, Written, swings};
 
     /// A log of three joints with so many rows, 10 ms apart.
@@ -402,5 +429,27 @@ mod tests {
             (positions[0].times.len(), positions[0].signals.len()),
             (500, 3)
         );
+    }
+
+    #[test]
+    fn logs_of_fewer_rows_know_the_noise_of_all_of_them() {
+        let model = swings(false);
+        let file = log(2000, "noise");
+        let whole = opened(&model, &file).in_memory(2000).unwrap();
+        let method = Method::Butterworth {
+            order: 2,
+            cutoff: 2.0,
+        };
+        let fewer = whole.thinned(method, 8, 1).unwrap();
+        let own = |logs: &Logs<'_, Swings>| {
+            let all = logs.files[0].effort_levels.as_deref().unwrap();
+            all.to_vec()
+        };
+        assert_eq!(own(&whole), own(&fewer));
+        assert_eq!(fewer.densities_of_efforts().unwrap().len(), 3);
+        // means of periods have less noise than rows
+        let mut averaged = fewer.with_files(fewer.files.clone());
+        averaged.settings.period = Some(1.0);
+        assert!(averaged.effort_densities().unwrap().is_empty());
     }
 }

@@ -510,6 +510,9 @@ impl Blocks {
                 // a variance with these degrees of freedom is known to this part of its square
                 let independent = independent.min(2.0 / self.noise_unknown);
                 shrunk.keep_what_is_beyond_chance(&covariance, &degrees_of_freedom);
+                if self.noise_is_raised {
+                    shrunk.raise_to_expected(whole);
+                }
                 for own in &mut degrees_of_freedom {
                     *own = shrunk.degrees_of_freedom(*own).min(independent).max(*own);
                 }
@@ -589,7 +592,7 @@ struct Bread<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::{Autoregression, Scores};
+    use crate::estimate::{Autoregression, FilteredNoise, Scores};
     use crate::intervals::Random;
 
     const ROWS: usize = 400;
@@ -729,6 +732,42 @@ mod tests {
         assert!(found.between.is_none());
         for (whole, within) in found.covariance.iter().zip(found.within_runs()) {
             assert!((whole / within - 1.125).abs() < 1e-9, "{whole} {within}");
+        }
+    }
+
+    #[test]
+    fn no_variance_is_smaller_than_that_of_noise_that_was_raised() {
+        let (n, rows) = (8, 60);
+        let mut random = Random(7);
+        let labels = (0..n).map(|k| k.to_string()).collect();
+        let mut factor = QrFactor::new(labels);
+        let mut all = Vec::new();
+        for _ in 0..rows {
+            let row: Vec<f64> = (0..n).map(|_| random.normal()).collect();
+            all.push((row, random.normal()));
+        }
+        for (row, tau) in &all {
+            factor.push_block(row, &[*tau]).unwrap();
+        }
+        let values = factor.solve().unwrap();
+        let of = |level: f64, is_raised: bool| {
+            let noise = [Autoregression::white(level)];
+            let scores = Scores::new(n, &noise);
+            let mut scores = scores.of_noise(FilteredNoise::unfiltered().thinning(), is_raised);
+            for (row, tau) in &all {
+                let own: f64 = row.iter().zip(&values).map(|(w, x)| w * x).sum();
+                scores.push(row, &[1.0], &[tau - own], &[1.0]).unwrap();
+            }
+            let kept: Vec<usize> = (0..n).collect();
+            let blocks = scores.finish(&values).unwrap();
+            blocks.deviations(&factor, &kept, &values, 1.0).unwrap()
+        };
+        let inverse = inverse_gram(&factor).unwrap();
+        let (plain, raised) = (of(9.0, false), of(9.0, true));
+        for k in 0..n {
+            let least = 3.0 * inverse[k * n + k].sqrt();
+            assert!(plain.sigma(k) < 0.7 * least);
+            assert!(raised.sigma(k) > 0.999 * least);
         }
     }
 

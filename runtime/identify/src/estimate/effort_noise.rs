@@ -136,13 +136,39 @@ impl NoiseResiduals {
         self.noise_with(efforts.iter().map(|own| self.fit(own, &[])))
     }
 
-    /// The noise before a fit took a part of it.
+    /// The noise before a fit took a part of it. Few residuals may be smaller than the noise by chance: where they are,
+    /// and chance explains it, the noise is that of the rows.
     ///
-    /// - `taken`: for each effort, see [`fit`](Self::fit).
-    pub(crate) fn noise_before_fit(&self, taken: &[Vec<f64>]) -> EffortNoise {
+    /// - `taken`: for each effort, see [`fit`](Self::fit);
+    /// - `white`: for each effort, the variance in one equation of white noise that is as dense, at low frequencies, as
+    ///   that of the rows, weighted; none where it is not known.
+    pub(crate) fn noise_before_fit(&self, taken: &[Vec<f64>], white: &[f64]) -> EffortNoise {
         let efforts = self.efforts();
-        let pairs = efforts.iter().zip(taken);
-        self.noise_with(pairs.map(|(own, taken)| self.fit(own, taken)))
+        let mut is_raised = false;
+        let pairs = efforts.iter().zip(taken).enumerate();
+        let models: Vec<Autoregression> = pairs
+            .map(|(k, (own, taken))| {
+                let model = self.fit(own, taken);
+                let independent = own.samples as f64 / model.correlation_length();
+                let freedom = independent - taken.first().copied().unwrap_or(0.0);
+                let white = white.get(k).copied().unwrap_or(0.0) / self.thinning.every as f64;
+                let missing = white / model.level();
+                if missing > 1.0 && missing * least_by_chance(freedom) < 1.0 {
+                    is_raised = true;
+                    Autoregression {
+                        variance: missing * model.variance,
+                        innovation: missing * model.innovation,
+                        ..model
+                    }
+                } else {
+                    model
+                }
+            })
+            .collect();
+        EffortNoise {
+            is_raised,
+            ..self.noise_with(models.into_iter())
+        }
     }
 
     fn noise_with(&self, models: impl Iterator<Item = Autoregression>) -> EffortNoise {
@@ -154,6 +180,7 @@ impl NoiseResiduals {
         });
         EffortNoise {
             models: weighted.collect(),
+            is_raised: false,
             thinning: self.filter.thinning(),
         }
     }
@@ -217,13 +244,32 @@ const MAX_ROUNDS: usize = 30;
 pub(crate) struct EffortNoise {
     /// One for each effort, of weighted residuals at every so many equations, which stand for all of them.
     models: Vec<Autoregression>,
+    /// Whether that of an effort is larger than its residuals show.
+    is_raised: bool,
     thinning: Thinning,
 }
+
+/// What a variance with these degrees of freedom is at least, over its expectation, but for one in a hundred (Wilson
+/// and Hilferty, 1931).
+fn least_by_chance(freedom: f64) -> f64 {
+    let spread = 2.0 / (9.0 * freedom.max(1.0));
+    let root = 1.0 - spread - NORMAL_QUANTILE * spread.sqrt();
+    root.max(0.0).powi(3)
+}
+
+/// That one normal value in a hundred is beyond.
+const NORMAL_QUANTILE: f64 = 2.326;
 
 impl EffortNoise {
     /// Starts to collect the scores of n parameters in this noise.
     pub(crate) fn scores(&self, parameters: usize) -> Scores {
-        Scores::new(parameters, &self.models).thinned(self.thinning)
+        Scores::new(parameters, &self.models).of_noise(self.thinning, self.is_raised)
+    }
+
+    /// For each effort the variance of white noise, in each of its weighted equations, that is as large at the
+    /// frequencies of the motion.
+    pub(crate) fn levels(&self) -> Vec<f64> {
+        self.models.iter().map(Autoregression::level).collect()
     }
 
     /// The largest number of equations that carry as much information as one independent one.
@@ -236,6 +282,7 @@ impl EffortNoise {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::intervals::Random;
 
     #[test]
     fn noise_is_as_large_at_the_frequencies_of_the_motion_as_before_the_fit() {
@@ -264,5 +311,43 @@ mod tests {
         // a fit that takes nothing changes nothing
         let same = residuals.fit(&own, &[0.0; 7]);
         assert!((same.level() / of_residuals.level() - 1.0).abs() < 1e-9);
+    }
+
+    /// White residuals of deviation 1 of so many equations.
+    fn residuals(samples: usize) -> NoiseResiduals {
+        let mut random = Random(2);
+        let mut out = NoiseResiduals::new(1, FilteredNoise::unfiltered());
+        let values: Vec<f64> = (0..samples).map(|_| random.normal()).collect();
+        let rms = (values.iter().map(|x| x * x).sum::<f64>() / samples as f64).sqrt();
+        for value in values {
+            out.push(&[value / rms], &[true]).unwrap();
+        }
+        out
+    }
+
+    #[test]
+    fn residuals_that_are_small_by_chance_have_the_noise_of_the_rows() {
+        let raised = |samples: usize, white: f64| {
+            let noise = residuals(samples).noise_before_fit(&[Vec::new()], &[white]);
+            (noise.is_raised, noise.levels()[0])
+        };
+        // with 20 degrees of freedom one variance in a hundred is below 0.41
+        let (is_raised, level) = raised(20, 2.0);
+        assert!(is_raised && (level - 2.0).abs() < 1e-9, "{level}");
+        // residuals contradict larger noise, and smaller noise is not all that is in them
+        for (samples, white) in [(20, 3.0), (2000, 2.0), (20, 0.5)] {
+            let (is_raised, level) = raised(samples, white);
+            assert!(!is_raised && level < 1.5, "{samples} {white} {level}");
+        }
+        let unknown = residuals(20).noise_before_fit(&[Vec::new()], &[]);
+        assert!(!unknown.is_raised);
+    }
+
+    #[test]
+    fn the_least_variance_by_chance_is_the_quantile_of_chi_square() {
+        for (freedom, quantile) in [(10.0, 2.5582), (30.0, 14.953), (100.0, 70.065)] {
+            let found = least_by_chance(freedom) * freedom;
+            assert!((found / quantile - 1.0).abs() < 0.03, "{freedom} {found}");
+        }
     }
 }

@@ -76,6 +76,10 @@ pub struct Blocks {
     /// autoregressions have; 0 where it is white, or white behind a known filter.
     #[serde(default)]
     pub(super) noise_unknown: f64,
+    /// Whether the noise of an effort was found to be larger than its residuals are, by chance: no variance is then
+    /// smaller than that noise makes it.
+    #[serde(default)]
+    pub(super) noise_is_raised: bool,
     /// The numbers of samples before each stretch of the log, that of the first one too; none where there
     /// are more than [`MAX_STRETCHES`].
     #[serde(default)]
@@ -175,6 +179,7 @@ pub struct Scores {
     n: usize,
     noise: Vec<Autoregression>,
     thinning: Thinning,
+    is_raised: bool,
     order: usize,
     /// The look-ahead buffer, the oldest sample first.
     waiting: VecDeque<PendingSample>,
@@ -207,6 +212,7 @@ impl Scores {
             order: orders.max().unwrap_or(0),
             noise: noise.to_vec(),
             thinning: FilteredNoise::unfiltered().thinning(),
+            is_raised: false,
             waiting: VecDeque::new(),
             spare: Vec::new(),
             past: vec![VecDeque::new(); noise.len()],
@@ -223,9 +229,15 @@ impl Scores {
     }
 
     /// The same from some of the samples, which stand for all.
+    ///
+    /// - `is_raised`: see [`Blocks::noise_is_raised`].
     #[must_use]
-    pub(super) fn thinned(self, thinning: Thinning) -> Self {
-        Self { thinning, ..self }
+    pub(super) fn of_noise(self, thinning: Thinning, is_raised: bool) -> Self {
+        Self {
+            thinning,
+            is_raised,
+            ..self
+        }
     }
 
     /// The same for a known number of samples, whose blocks need not be merged.
@@ -463,6 +475,7 @@ impl Scores {
         }
         Ok(Blocks {
             starts,
+            noise_is_raised: self.is_raised,
             independent_part: parts.sum::<f64>() / efforts,
             noise_unknown: noise_unknown / self.processed.max(1) as f64,
             parameters: self.n,

@@ -34,14 +34,26 @@ impl Shrunk {
         cosines: &[f64],
         degrees_of_freedom: &[f64],
     ) {
-        let k = self.k;
         for (a, freedom) in degrees_of_freedom.iter().enumerate() {
-            let variance: f64 = (0..k).map(|j| self.root[j * k + a].powi(2)).sum();
-            let ratio = cosines[a * k + a] / variance;
-            if ratio.is_finite() && ratio > 1.0 + MIN_CHANCE * (2.0 / freedom).sqrt() {
-                for j in 0..k {
-                    self.root[j * k + a] *= ratio.sqrt();
-                }
+            self.raise(a, cosines, 1.0 + MIN_CHANCE * (2.0 / freedom).sqrt());
+        }
+    }
+
+    /// Makes no variance smaller than that of noise of known level.
+    pub(super) fn raise_to_expected(&mut self, expected: &[f64]) {
+        for a in 0..self.k {
+            self.raise(a, expected, 1.0);
+        }
+    }
+
+    /// Makes a variance as large as that of another covariance where that is larger by more than a factor.
+    fn raise(&mut self, a: usize, other: &[f64], least: f64) {
+        let k = self.k;
+        let variance: f64 = (0..k).map(|j| self.root[j * k + a].powi(2)).sum();
+        let ratio = other[a * k + a] / variance;
+        if ratio.is_finite() && ratio > least {
+            for j in 0..k {
+                self.root[j * k + a] *= ratio.sqrt();
             }
         }
     }

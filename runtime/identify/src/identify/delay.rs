@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::equation_builder::Equations;
 use super::passes::predictions;
 use crate::estimate::{
-    Autocorrelated, EstimateError, QrFactor, RowBlock, bartlett_stretches, quantile,
+    Autocorrelated, EffortNoise, EstimateError, QrFactor, RowBlock, bartlett_stretches,
+    inverse_gram, quantile,
 };
 
 /// The delay of one effort.
@@ -216,6 +217,9 @@ pub(super) struct DelayScores<'a> {
     /// The number of parameters.
     parameters: usize,
     scores: Autocorrelated,
+    /// For each effort the variance of white noise that is as large at the frequencies of the motion as that of its
+    /// equations is; none where it is not known.
+    levels: Vec<f64>,
     /// The number of samples in which the residuals are correlated.
     bandwidth: usize,
     /// The number of samples with an equation that is used.
@@ -302,6 +306,7 @@ impl<'a> DelayFit<'a> {
             fit: self.factor,
             parameters: self.window.values.len(),
             scores: Autocorrelated::new(extended.len(), bandwidth),
+            levels: Vec::new(),
             bandwidth,
             samples: 0,
             score: vec![0.0; extended.len()],
@@ -340,6 +345,13 @@ impl DelayScores<'_> {
         self.scores.push(&self.score)
     }
 
+    /// Makes no variance smaller than that of white noise of the level that the noise has: few independent equations
+    /// tell less of it than of the noise.
+    pub(super) fn in_noise(mut self, noise: &EffortNoise) -> Self {
+        self.levels = noise.levels();
+        self
+    }
+
     /// The time between the samples whose equations came last, s.
     pub(super) fn step(&self) -> f64 {
         self.window.step
@@ -355,7 +367,20 @@ impl DelayScores<'_> {
             return Delays::default();
         };
         let size = extended.len();
-        let entry = |i: usize, j: usize| covariance[(n + j) * size + n + i];
+        let place = |i: usize, j: usize| (n + j) * size + n + i;
+        let white = inverse_gram(&fit).unwrap_or_default();
+        let growth = |e: usize| {
+            let level = self.levels.get(e).zip(white.get(place(e, e)));
+            let least = level.map_or(0.0, |(level, own)| level * own);
+            let ratio = least / covariance[place(e, e)];
+            if ratio.is_finite() {
+                ratio.max(1.0).sqrt()
+            } else {
+                1.0
+            }
+        };
+        let growths: Vec<f64> = (0..self.names.len()).map(growth).collect();
+        let entry = |i: usize, j: usize| growths[i] * growths[j] * covariance[place(i, j)];
         let one = |(e, name): (usize, &String)| Delay {
             effort: name.clone(),
             seconds: extended[n + e],
@@ -593,6 +618,39 @@ mod tests {
         // quantiles of Student's distribution: 7.98 for 5 degrees of freedom, 3.49 for 1000
         assert!(!is_stated(7.9, 5.0) && is_stated(8.0, 5.0));
         assert!(!is_stated(3.4, 1000.0) && is_stated(3.6, 1000.0));
+    }
+
+    #[test]
+    fn no_delay_is_known_better_than_its_noise_admits() {
+        let labels = ["inertia".to_owned()];
+        let names = ["q1".to_owned()];
+        let rows: Vec<f64> = (0..400).map(|k| libm::sin(0.1 * f64::from(k))).collect();
+        let found = |level: f64| {
+            let mut fit = DelayFit::new(&labels, &[1.0], &names, &[1.0]);
+            let equations = |k: usize| Equations {
+                time: 0.01 * k as f64,
+                w: &rows[k..=k],
+                tau: &rows[k..=k],
+                weights: &[1.0],
+                follows: k > 0,
+                held: &[],
+            };
+            for k in 0..rows.len() {
+                fit.push(&equations(k)).unwrap();
+            }
+            let mut scores = fit.finish(5).unwrap().unwrap();
+            let white = inverse_gram(&scores.fit).unwrap();
+            scores.levels = vec![level];
+            for k in 0..rows.len() {
+                scores.push(&equations(k)).unwrap();
+            }
+            (scores.finish().efforts[0].sigma, white[3].sqrt())
+        };
+        // the effort is explained without an error
+        let (without, _) = found(0.0);
+        assert!(without < 1e-6, "{without}");
+        let (with, white) = found(0.04);
+        assert!((with / (0.2 * white) - 1.0).abs() < 1e-9, "{with} {white}");
     }
 
     #[test]

@@ -450,7 +450,7 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let given_bandwidth = options.hac_bandwidth.map(|b| b.clamp(1, rows.max(1)));
     let bandwidth = given_bandwidth.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
     let mut delays = match delays {
-        Some(delays) => delays.finish(bandwidth)?,
+        Some(delays) => delays.finish(bandwidth)?.map(|own| own.in_noise(&noise)),
         None => None,
     };
     let (blocks, newey_west, psi_sums) = scores(

@@ -197,6 +197,23 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         }
     }
 
+    /// The variances of white noise that is as dense as that of the efforts, in each of the equations of the last pass
+    /// over the log; none where they are not known.
+    ///
+    /// # Errors
+    /// When the log cannot be read.
+    pub(super) fn white_noise(&self) -> Result<Vec<f64>, S::Error> {
+        let info = self.model.info();
+        let are_efforts = self.kind == EquationKind::Forces && info.actuated == info.independent;
+        match self.spacing.even().filter(|_| are_efforts) {
+            Some(spacing) => {
+                let densities = self.source.effort_densities()?;
+                Ok(densities.iter().map(|own| own / spacing).collect())
+            }
+            None => Ok(Vec::new()),
+        }
+    }
+
     /// The samples and equations that the last pass over the log left out.
     pub(crate) fn left_out(&self) -> &LeftOut {
         &self.left_out

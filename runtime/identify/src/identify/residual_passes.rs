@@ -51,7 +51,15 @@ pub(super) fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         return Ok((errors, noise));
     }
     let taken = taken_by_fit(replay, estimate, factor, (&residuals, &mut thinning))?;
-    Ok((errors, residuals.noise_before_fit(&taken)))
+    // bounded residuals are no more the noise of the rows
+    let white = if options.huber.is_none() {
+        replay.white_noise()?
+    } else {
+        Vec::new()
+    };
+    let white = estimate.efforts.iter().zip(white);
+    let white: Vec<f64> = white.map(|(own, x)| own.weight * own.weight * x).collect();
+    Ok((errors, residuals.noise_before_fit(&taken, &white)))
 }
 
 /// What a fit takes from its residuals is put back where its parameters are at least this part of the

@@ -273,6 +273,10 @@ impl MotionBias {
 impl<M: BaseModel<f64> + ?Sized> Source for NoisyLogs<'_, M> {
     type Error = DataError;
 
+    fn effort_densities(&self) -> Result<Vec<f64>, DataError> {
+        self.logs.effort_densities()
+    }
+
     fn visit(
         &mut self,
         each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,

@@ -63,6 +63,10 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
         self.logs.filtering()
     }
 
+    fn effort_densities(&self) -> Result<Vec<f64>, DataError> {
+        self.logs.effort_densities()
+    }
+
     fn allow_fewer_states(&mut self, are_allowed: bool) -> usize {
         self.logs.allow_fewer_states(are_allowed)
     }

@@ -38,7 +38,7 @@ const RATE_PER_CUTOFF: f64 = 50.0;
 /// The largest number of equations that are averaged, for clocks whose first step is almost 0.
 const MAX_AVERAGED: usize = 4096;
 
-/// At most twice so many equations in a period of the cutoff's frequency tell the noise behind a low-pass filter: what it
+/// About so many equations in a period of the cutoff's frequency tell the noise behind a low-pass filter: what it
 /// passes of noise above half their rate is below a hundredth of what it passes at low frequencies, and the
 /// autoregression of more of them needs more coefficients than the filter has.
 const EQUATIONS_PER_CUTOFF: f64 = 7.0;
@@ -103,7 +103,8 @@ impl Filtering {
                 reason = "a cutoff and a spacing are not negative"
             )]
             Smoothing::Butterworth { cutoff, .. } => {
-                ((1.0 / (EQUATIONS_PER_CUTOFF * cutoff * spacing)) as usize).max(1)
+                let nearest = (1.0 / (EQUATIONS_PER_CUTOFF * cutoff * spacing)).round();
+                (nearest as usize).max(1)
             }
             Smoothing::Local { .. } => 1,
         };

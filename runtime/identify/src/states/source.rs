@@ -55,6 +55,16 @@ pub trait Source {
     /// How the equations of the rows are filtered, decimated and left out at standstill.
     fn filtering(&self) -> Filtering;
 
+    /// The density of the noise of each effort near the highest frequency that the filter passes, (N or N m)^2 s, in the
+    /// order of `Info::actuated`: the variance of white noise times the step of its samples. None where it is not
+    /// known, as here.
+    ///
+    /// # Errors
+    /// When the log cannot be read.
+    fn effort_densities(&self) -> Result<Vec<f64>, Self::Error> {
+        Ok(Vec::new())
+    }
+
     /// Says whether states at some of the rows suffice, as they do for equations behind the filter; returns
     /// the number of rows to one state. A source gives all states unless this admits fewer, or always, as here.
     fn allow_fewer_states(&mut self, are_allowed: bool) -> usize {
