@@ -266,10 +266,12 @@ impl EffortNoise {
         Scores::new(parameters, &self.models).of_noise(self.thinning, self.is_raised)
     }
 
-    /// For each effort the variance of white noise, in each of its weighted equations, that is as large at the
-    /// frequencies of the motion.
+    /// For each effort whose noise is white behind the filter, the variance of noise that is white in each of its
+    /// weighted equations and as large at the frequencies of the motion; 0 for other noise, of which few coefficients
+    /// do not tell what is there: that of a controller that answers differences of positions is far smaller.
     pub(crate) fn levels(&self) -> Vec<f64> {
-        self.models.iter().map(Autoregression::level).collect()
+        let level = |own: &Autoregression| if own.fitted == 0 { own.level() } else { 0.0 };
+        self.models.iter().map(level).collect()
     }
 
     /// The largest number of equations that carry as much information as one independent one.

@@ -217,8 +217,7 @@ pub(super) struct DelayScores<'a> {
     /// The number of parameters.
     parameters: usize,
     scores: Autocorrelated,
-    /// For each effort the variance of white noise that is as large at the frequencies of the motion as that of its
-    /// equations is; none where it is not known.
+    /// See [`EffortNoise::levels`].
     levels: Vec<f64>,
     /// The number of samples in which the residuals are correlated.
     bandwidth: usize,
