@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::common::logs::{
     Channel, Hdf5, Mdf, Topic, doubles, hdf5, joint_state, mat, mcap, mdf, npy, parquet, tdms,
-    variable, zip,
+    variable, with_metadata, zip,
 };
 use crate::common::{regen, scratch};
 
@@ -89,6 +89,16 @@ fn robots() -> Vec<Plant> {
         ),
         (
             "URDF",
+            "4.urdf",
+            behind(
+                URDF,
+                "</joint>",
+                "<transmission><type>oddity</type><joint name=\"q\"/><actuator name=\"m\"/></transmission>",
+            ),
+            "transmissions of this kind are taken as simple ones: oddity",
+        ),
+        (
+            "URDF",
             "2.urdf",
             behind(URDF, "xyz=\"1 0 0\"/>", "<oddity/>"),
             "not used in <joint>: <oddity>",
@@ -107,6 +117,12 @@ fn robots() -> Vec<Plant> {
         ),
         (
             "SDF",
+            "4.sdf",
+            behind(SDF, "<model name=\"m\">", "<static>true</static>"),
+            "the model is static",
+        ),
+        (
+            "SDF",
             "2.sdf",
             behind(SDF, "<mass>1</mass>", "<oddity/>"),
             "not used in <inertial>: <oddity>",
@@ -122,6 +138,12 @@ fn robots() -> Vec<Plant> {
             "1.xml",
             behind(MJCF, "<joint", " oddity=\"1\""),
             "not used in <joint>: oddity",
+        ),
+        (
+            "MJCF",
+            "4.xml",
+            behind(MJCF, "<joint", " damping=\"1 0.5\""),
+            "damping of 'q' is a polynomial, of which the first number is read",
         ),
         (
             "MJCF",
@@ -311,7 +333,14 @@ fn matlab() -> Vec<Plant> {
         mat(&columns.chain([own]).collect::<Vec<_>>())
     };
     let all = ROWS as u32;
+    let single = |name| variable(name, 6, 1, &[(9, &numbers[..8])]);
     vec![
+        (
+            "MAT",
+            "5.mat",
+            mat(&[single("t"), single("q1")]),
+            "its arrays have one number each, such as `t`: save each signal as an array",
+        ),
         (
             "MAT",
             "1.mat",
@@ -386,6 +415,18 @@ fn hdf5_files() -> Vec<Plant> {
             with("rad", vec![("oddity", Hdf5::Numbers(drift(), ""))]),
             "1 oddity unknown",
         ),
+        (
+            "HDF5",
+            "6.h5",
+            with("oddity=50", vec![]),
+            "no column: `oddity` (an attribute of q1, which is not applied to numbers)",
+        ),
+        (
+            "HDF5",
+            "7.h5",
+            with("scale_factor=50", vec![]),
+            "no column: `q1` (it has packed values, and their scale_factor is not applied",
+        ),
     ]
 }
 
@@ -417,6 +458,10 @@ fn labview() -> Vec<Plant> {
     let words = channel("/'arm'/'oddity'", 0x20, ROWS, b"auto");
     let complex = channel("/'arm'/'oddity'", 0x0010_000d, ROWS, &[0; 16]);
     let other = channel("/'slow'/'oddity'", 10, 7, &[0; 8]);
+    let odd = Channel {
+        properties: &[("oddity", "50")],
+        ..channel("/'arm'/'drift'", 10, ROWS, &[0; 8])
+    };
     let unread =
         "no column: `arm/oddity` (it has text, complex numbers or numbers of extended precision)";
     vec![
@@ -431,6 +476,12 @@ fn labview() -> Vec<Plant> {
             "2.tdms",
             with("rad", "unscaled", None),
             "no column: `arm/q1` (it has raw values, and their scaling is not applied here",
+        ),
+        (
+            "TDMS",
+            "6.tdms",
+            with("rad", "", Some(odd)),
+            "no column: `oddity` (a property of arm/drift, which is not applied to numbers)",
         ),
         ("TDMS", "3.tdms", with("rad", "", Some(words)), unread),
         ("TDMS", "4.tdms", with("rad", "", Some(complex)), unread),
@@ -473,7 +524,16 @@ fn measurements() -> Vec<Plant> {
             blocks.group(slow, "arm", t, &rows)
         })
     };
+    // the fifth link of the header
+    let mut marked = with(None, "rad", 0, false);
+    marked[120..128].copy_from_slice(&64_u64.to_le_bytes());
     vec![
+        (
+            "MDF",
+            "6.mf4",
+            marked,
+            "no column: `events` (they stand beside the channels, and are not read)",
+        ),
         (
             "MDF",
             "1.mf4",
@@ -562,6 +622,12 @@ fn recordings() -> Vec<Plant> {
     vec![
         (
             "MCAP",
+            "10.mcap",
+            with_metadata(mcap(&[own()]), "oddity"),
+            "no column: `oddity` (it is an attachment or metadata of the file, which is not applied to numbers)",
+        ),
+        (
+            "MCAP",
             "9.mcap",
             mcap(&[topic("/joint_states", kind, JOINT_STATE, some)]),
             "in no column: `10 of 100 messages` (they lack the joint oddity",
@@ -633,11 +699,24 @@ fn what_is_planted_into_a_log_is_told_by_inspect() {
         fs::write(dir.join(plant.1), &plant.2).unwrap();
         assert_told(&dir, &["inspect", plant.1], plant);
     }
-    for (name, words, lists, expected) in [
-        ("1.parquet", &["oddity"][..], &[][..], "4 oddity text"),
-        ("2.parquet", &[], &["oddity"], "4 oddity.1 text"),
+    for (name, words, lists, metadata, expected) in [
+        (
+            "1.parquet",
+            &["oddity"][..],
+            &[][..],
+            &[][..],
+            "4 oddity text",
+        ),
+        ("2.parquet", &[], &["oddity"], &[], "4 oddity.1 text"),
+        (
+            "4.parquet",
+            &[],
+            &[],
+            &["oddity"],
+            "no column: `oddity` (it is metadata of the file, which is not applied to numbers)",
+        ),
     ] {
-        parquet(&dir.join(name), &pendulum(), words, lists);
+        parquet(&dir.join(name), &pendulum(), words, lists, metadata);
         assert_told(
             &dir,
             &["inspect", name],
@@ -649,6 +728,7 @@ fn what_is_planted_into_a_log_is_told_by_inspect() {
         &[&pendulum()[..], &[("oddity", drift())]].concat(),
         &[],
         &[],
+        &["pandas"],
     );
     let odd = ("Parquet", "3.parquet", Vec::new(), "4 oddity unknown");
     assert_told(&dir, &["inspect", "3.parquet"], &odd);

@@ -351,6 +351,11 @@ impl<'a> Reading<'a, '_, '_> {
         let in_tree = spanning(&joints, self.links.len(), &[]);
         let fixed = model.content_of("static");
         let is_static = fixed.is_some_and(|s| matches!(s.value.trim(), "true" | "1"));
+        if let Some(own) = fixed.filter(|_| is_static && !joints.is_empty()) {
+            let text =
+                "the model is static, so that Gazebo moves no joint of it: the spec's joints move";
+            self.fields.log.note(own.place, text);
+        }
         let first = model.text("canonical_link");
         let root = first.and_then(|name| self.links.iter().position(|(own, _)| own == name));
         let order = order(

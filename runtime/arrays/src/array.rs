@@ -1,6 +1,7 @@
 //! What each format gives: named arrays of numbers.
 
 use core::fmt::Debug;
+use std::collections::BTreeMap;
 
 use crate::error::{Read, refused};
 use crate::input::Input;
@@ -62,6 +63,31 @@ pub(crate) struct Found {
     /// What is not read, by its path, and why.
     pub(crate) unread: Vec<(String, String)>,
     pub(crate) container: Box<dyn Container>,
+}
+
+/// What a file says of its arrays that is not applied to their numbers: by its name the first array, and whether
+/// others have it too.
+#[derive(Debug, Default)]
+pub(crate) struct Remarks(BTreeMap<String, (String, bool)>);
+
+impl Remarks {
+    pub(crate) fn add(&mut self, name: &str, array: &str) {
+        let first = || (array.to_owned(), false);
+        let own = self.0.entry(name.to_owned()).or_insert_with(first);
+        own.1 |= own.0 != array;
+    }
+
+    /// Tells them as what is not read.
+    ///
+    /// - `kind`: what the format calls them.
+    pub(crate) fn tell(self, kind: &str, unread: &mut Vec<(String, String)>) {
+        unread.extend(self.0.into_iter().map(|(name, (array, has_others))| {
+            let others = if has_others { " and of others" } else { "" };
+            let whose = if array.is_empty() { "the file" } else { &array };
+            let why = format!("{kind} of {whose}{others}, which is not applied to numbers");
+            (name, why)
+        }));
+    }
 }
 
 /// Refuses more arrays than any log has.

@@ -128,6 +128,16 @@ pub fn open(path: &Path, time: Option<&str>) -> Result<Vec<Table>, ArrayError> {
         let why = format!("it has no arrays of numbers{reasons}");
         return Err(failed(Why::Refused(why)));
     }
+    if let Some(first) = found.arrays.first()
+        && found.arrays.iter().all(|own| own.count() == Some(1))
+    {
+        let why = format!(
+            "its arrays have one number each, such as `{}`: save each signal as an array, in MATLAB \
+             `q = [log.q]` of a struct array",
+            first.name
+        );
+        return Err(failed(Why::Refused(why)));
+    }
     Ok(Table::all(path, found, time))
 }
 

@@ -577,7 +577,14 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
         unread: Vec::new(),
         blocks: 0,
     };
-    let mut next = block(reader.input, HEADER, *b"##HD")?.link(0);
+    let head = block(reader.input, HEADER, *b"##HD")?;
+    for (place, name) in [(3, "attachments"), (4, "events")] {
+        if head.link(place).is_some() {
+            let why = "they stand beside the channels, and are not read".to_owned();
+            reader.unread.push((name.to_owned(), why));
+        }
+    }
+    let mut next = head.link(0);
     while let Some(at) = next {
         reader.count()?;
         let own = block(reader.input, at, *b"##DG")?;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::array::{Array, Container, Found, require_few};
+use crate::array::{Array, Container, Found, Remarks, require_few};
 use crate::error::{Read, broken, refused};
 use crate::input::{Fields, Input, text};
 use crate::number::{Kind, Stored};
@@ -203,6 +203,7 @@ struct Reader {
     /// The channels that have values in the present segment.
     active: Vec<usize>,
     pieces: usize,
+    properties: Remarks,
 }
 
 impl Reader {
@@ -266,7 +267,17 @@ impl Reader {
                     ("NI_Scaling_Status", Property::Text(status)) if status == "unscaled" => {
                         channel.why = Some(UNSCALED);
                     }
-                    _ => {}
+                    // what LabVIEW writes by itself, and texts for people
+                    (
+                        "wf_samples" | "wf_start_time" | "wf_xname" | "name" | "title" | "author"
+                        | "description" | "datetime",
+                        _,
+                    ) => {}
+                    (name, _) if name.starts_with("NI_") => {}
+                    ("wf_xunit_string", Property::Text(unit)) if unit == "s" => {}
+                    (name, _) => {
+                        self.properties.add(name, &parts(&path).join("/"));
+                    }
                 }
             }
         }
@@ -396,6 +407,7 @@ impl Reader {
             });
             places.push(Place::Values(channel.pieces));
         }
+        self.properties.tell("a property", &mut unread);
         Found {
             arrays,
             unread,

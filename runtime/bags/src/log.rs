@@ -58,6 +58,7 @@ impl fmt::Display for Topic {
 /// ```
 pub fn topics(path: &Path) -> Result<Vec<Topic>, BagError> {
     Ok(scan(path, None)?
+        .0
         .into_iter()
         .map(|survey| survey.topic)
         .collect())
@@ -95,7 +96,7 @@ impl Log {
     /// missing, not of a known type, without messages or not determined; when a message cannot be
     /// decoded or contradicts itself.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
-        let mut surveys = scan(path, topic)?;
+        let (mut surveys, beside) = scan(path, topic)?;
         let own = choose(path, &surveys, topic)?;
         let own = surveys.swap_remove(own);
         if let Some(error) = own.error {
@@ -109,7 +110,9 @@ impl Log {
         });
         let fields = own.unread.into_iter();
         let fields = fields.map(|(path, why)| (path, why.to_owned()));
-        let absent: Vec<(String, String)> = others.chain(fields).collect();
+        let why = "it is an attachment or metadata of the file, which is not applied to numbers";
+        let beside = beside.into_iter().map(|name| (name, why.to_owned()));
+        let absent: Vec<(String, String)> = others.chain(fields).chain(beside).collect();
         for table in &mut tables {
             table.absent.extend_from_slice(&absent);
         }

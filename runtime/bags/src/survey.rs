@@ -76,10 +76,14 @@ fn place(all: &mut Vec<TopicSurvey>, channel: &Channel) -> usize {
     })
 }
 
-/// Reads a whole recording; the topics are in the order of their first messages.
+/// Reads a whole recording; the topics are in the order of their first messages, and the names of what it has
+/// besides messages.
 ///
 /// - `any`: the topic whose messages are read whatever their type is.
-pub(crate) fn scan(path: &Path, any: Option<&str>) -> Result<Vec<TopicSurvey>, BagError> {
+pub(crate) fn scan(
+    path: &Path,
+    any: Option<&str>,
+) -> Result<(Vec<TopicSurvey>, BTreeSet<String>), BagError> {
     let mut all: Vec<TopicSurvey> = Vec::new();
     let mut messages = Messages::open(path, None, any)?;
     loop {
@@ -92,7 +96,7 @@ pub(crate) fn scan(path: &Path, any: Option<&str>) -> Result<Vec<TopicSurvey>, B
         };
         let recorded = match messages.next(&mut begun) {
             Ok(Some(recorded)) => recorded,
-            Ok(None) => return Ok(all),
+            Ok(None) => return Ok((all, messages.beside)),
             Err(error) => return Err(with_readable(error, &all)),
         };
         let k = place(&mut all, recorded.channel);

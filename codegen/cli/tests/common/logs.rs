@@ -5,6 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
@@ -211,7 +213,7 @@ fn header_message(kind: u8, data: &[u8]) -> Vec<u8> {
 
 /// What an HDF5 file has at a path of its root.
 pub enum Hdf5<'a> {
-    /// Doubles, with the text of the attribute `unit`.
+    /// Doubles, with the text of the attribute `unit`, or another attribute as `name=text`.
     Numbers(Vec<f64>, &'a str),
     Text(&'a str),
     /// A link to another path.
@@ -292,9 +294,11 @@ pub fn hdf5(objects: &[(&str, Hdf5<'_>)]) -> Vec<u8> {
             }
             Hdf5::Numbers(numbers, unit) => {
                 let bytes = 8 * numbers.len() as u64;
+                let (name, unit) = unit.split_once('=').unwrap_or(("unit", unit));
                 let attribute = [
-                    &[3, 0, 5, 0, 8, 0, 4, 0, 0][..],
-                    b"unit\0",
+                    &[3, 0, name.len() as u8 + 1, 0, 8, 0, 4, 0, 0][..],
+                    name.as_bytes(),
+                    &[0],
                     &texts(unit.len()),
                     &space(&[]),
                     unit.as_bytes(),
@@ -362,6 +366,14 @@ pub fn mcap(topics: &[Topic<'_>]) -> Vec<u8> {
     out
 }
 
+/// A record of metadata without entries, as it stands behind the header of an MCAP file.
+pub fn with_metadata(mut mcap: Vec<u8>, name: &str) -> Vec<u8> {
+    let body = [&(name.len() as u32).to_le_bytes(), name.as_bytes(), &[0; 4]].concat();
+    let behind_header = 8 + 9 + 8;
+    mcap.splice(behind_header..behind_header, record(12, &body));
+    mcap
+}
+
 /// A message of the type `sensor_msgs/msg/JointState` in CDR: its time, ns, and joints with positions and efforts.
 pub fn joint_state(time: u64, joints: &[(&str, f64, f64)]) -> Vec<u8> {
     let mut out = vec![0, 1, 0, 0];
@@ -395,7 +407,13 @@ pub fn joint_state(time: u64, joints: &[(&str, f64, f64)]) -> Vec<u8> {
 }
 
 /// Writes a Parquet file with columns of doubles, of texts, and of lists of different lengths.
-pub fn parquet(path: &Path, columns: &[(&str, Vec<f64>)], texts: &[&str], lists: &[&str]) {
+pub fn parquet(
+    path: &Path,
+    columns: &[(&str, Vec<f64>)],
+    texts: &[&str],
+    lists: &[&str],
+    metadata: &[&str],
+) {
     let rows = columns.first().map_or(0, |own| own.1.len());
     let numbers = columns
         .iter()
@@ -407,7 +425,12 @@ pub fn parquet(path: &Path, columns: &[(&str, Vec<f64>)], texts: &[&str], lists:
     let fields: String = numbers.chain(words).chain(pairs).collect();
     let schema = parse_message_type(&format!("message log {{ {fields} }}")).unwrap();
     let file = File::create(path).unwrap();
-    let mut writer = SerializedFileWriter::new(file, Arc::new(schema), Arc::default()).unwrap();
+    let said = metadata
+        .iter()
+        .map(|key| KeyValue::new((*key).to_owned(), "1".to_owned()));
+    let said = WriterProperties::builder().set_key_value_metadata(Some(said.collect()));
+    let mut writer =
+        SerializedFileWriter::new(file, Arc::new(schema), Arc::new(said.build())).unwrap();
     let mut group = writer.next_row_group().unwrap();
     for (_, values) in columns {
         let mut own = group.next_column().unwrap().unwrap();

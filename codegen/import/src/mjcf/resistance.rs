@@ -23,15 +23,20 @@ impl Reading<'_, '_, '_> {
         }
     }
 
-    /// A coefficient; a negative one is noted and replaced by 0.
-    fn coefficient(&mut self, of: Classed<'_>, key: &str, joint: &str) -> f64 {
+    /// A coefficient; a negative one is noted and replaced by 0, and those of higher powers are noted.
+    pub(super) fn coefficient(&mut self, of: Classed<'_>, key: &str, owner: &str) -> f64 {
         let Some(attribute) = self.attribute(of, key) else {
             return 0.0;
         };
-        let numbers = self.fields.numbers(&attribute);
-        let value = numbers.and_then(|n| n.first().copied()).unwrap_or(0.0);
+        let numbers = self.fields.numbers(&attribute).unwrap_or_default();
+        let value = numbers.first().copied().unwrap_or(0.0);
         if value < 0.0 {
-            let text = format!("{key} {value} of '{joint}' is negative: left out");
+            let text = format!("{key} {value} of '{owner}' is negative: left out");
+            self.fields.log.note(attribute.place, text);
+        }
+        if numbers.iter().skip(1).any(|n| *n != 0.0) {
+            let text =
+                format!("{key} of '{owner}' is a polynomial, of which the first number is read");
             self.fields.log.note(attribute.place, text);
         }
         value.max(0.0)

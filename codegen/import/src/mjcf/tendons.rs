@@ -131,14 +131,9 @@ impl Reading<'_, '_, '_> {
             element: tendon,
             inherited: None,
         };
-        let mut number = |key: &str| {
-            let attribute = self.attribute(of, key);
-            let value = attribute.and_then(|a| self.fields.number(&a));
-            value.unwrap_or(0.0)
-        };
         let [damping, friction, armature] =
-            ["damping", "frictionloss", "armature"].map(&mut number);
-        if number("stiffness") != 0.0 {
+            ["damping", "frictionloss", "armature"].map(|key| self.coefficient(of, key, name));
+        if self.coefficient(of, "stiffness", name) != 0.0 {
             let text = format!("the spring of the tendon '{name}' is left out");
             self.fields.log.note(tendon.place, text);
         }
@@ -203,11 +198,10 @@ impl Reading<'_, '_, '_> {
             element: tendon,
             inherited: None,
         };
-        let stiffness = self.attribute(of, "stiffness");
-        let stiffness = stiffness.and_then(|a| self.fields.numbers(&a)?.first().copied());
-        let Some(stiffness) = stiffness.filter(|k| *k > 0.0) else {
+        let stiffness = self.coefficient(of, "stiffness", &name);
+        if stiffness == 0.0 {
             return Err("since it has no spring");
-        };
+        }
         let [first, second] = tendon.children.as_slice() else {
             return Err("since it is no line between two points");
         };

@@ -106,6 +106,10 @@ fn transmission(element: &Element, tree: &mut Tree, fields: &mut Fields<'_>) {
             ]
         }
         (_, [joint], [motor]) if moves(joint) => {
+            if kind != "SimpleTransmission" {
+                let text = "transmissions of this kind are taken as simple ones: {}";
+                fields.log.note_of(element.place, text, kind);
+            }
             vec![vec![term(joint, motor.ratio * joint.ratio)]]
         }
         (_, joints, motors) => {

@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 
 use self::kinds::Member;
 use self::objects::{Object, Storage};
-use crate::array::{Array, Container, Found, require_few};
+use crate::array::{Array, Container, Found, Remarks, require_few};
 use crate::error::{Read, Why, broken, refused};
 use crate::input::{Fields, Input};
 use crate::number::Stored;
@@ -165,6 +165,7 @@ struct Walk<'a> {
     arrays: Vec<Array>,
     places: Vec<Place>,
     unread: Vec<(String, String)>,
+    attributes: Remarks,
 }
 
 impl Walk<'_> {
@@ -186,6 +187,9 @@ impl Walk<'_> {
             Err(Why::Refused(why)) => return self.leave(path, why),
             other => other?,
         };
+        for name in &object.attributes {
+            self.attributes.add(name, path);
+        }
         self.above.insert(at);
         let found = match &object.storage {
             None if self.is_matlab && object.is_sparse => {
@@ -229,6 +233,13 @@ impl Walk<'_> {
         let Some(shape) = &object.shape else {
             return self.leave(path, "it is empty");
         };
+        let is_scale = |name: &&String| matches!(name.as_str(), "scale_factor" | "add_offset");
+        if let Some(own) = object.attributes.iter().find(is_scale) {
+            let why = format!(
+                "it has packed values, and their {own} is not applied here: save the numbers themselves"
+            );
+            return self.leave(path, why);
+        }
         if self.is_matlab {
             match object.class.as_str() {
                 "" | "double" | "single" | "logical" | "cell" => {}
@@ -364,14 +375,17 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
         arrays: Vec::new(),
         places: Vec::new(),
         unread: Vec::new(),
+        attributes: Remarks::default(),
     };
     walk.object(root, "", "")?;
     let Walk {
         arrays,
         places,
-        unread,
+        mut unread,
+        attributes,
         ..
     } = walk;
+    attributes.tell("an attribute", &mut unread);
     Ok(Found {
         arrays,
         unread,

@@ -94,6 +94,8 @@ pub(super) struct Object {
     pub(super) is_empty: bool,
     /// The text of the attribute `unit` or `units`; empty without one.
     pub(super) unit: String,
+    /// The names of the other attributes.
+    pub(super) attributes: Vec<String>,
     filters: Vec<Filter>,
 }
 
@@ -209,6 +211,14 @@ impl Object {
                 }
                 0x06 => out.links.push(link(&mut fields, sizes)?),
                 0x0c => out.attribute(input, sizes, &mut fields)?,
+                0x15 => {
+                    fields.skip(1)?;
+                    let flags = fields.u8()?;
+                    fields.skip(if flags & 1 == 0 { 0 } else { 2 })?;
+                    if sizes.address(&mut fields)?.is_some() {
+                        out.attributes.push("(attributes in a heap)".to_owned());
+                    }
+                }
                 _ => {}
             }
         }
@@ -225,7 +235,7 @@ impl Object {
         Ok(out)
     }
 
-    /// Takes one of MATLAB's attributes, or a unit.
+    /// Takes one of MATLAB's attributes, or a unit; of others the names.
     fn attribute(&mut self, input: &mut Input, sizes: Sizes, fields: &mut Fields<'_>) -> Read<()> {
         let version = fields.u8()?;
         let is_shared = fields.u8()? & 1 != 0 && version > 1;
@@ -240,6 +250,9 @@ impl Object {
         let name = text(fields.take(padded(lengths[0]))?);
         let is_unit = matches!(&*name.to_lowercase(), "unit" | "units");
         if !name.starts_with("MATLAB_") && !is_unit {
+            if !is_of_writers(&name) {
+                self.attributes.push(name);
+            }
             return Ok(());
         }
         let class = fields
@@ -263,6 +276,22 @@ impl Object {
         }
         Ok(())
     }
+}
+
+/// Whether an attribute is one that libraries write by themselves, for scales of axes and tables.
+fn is_of_writers(name: &str) -> bool {
+    const NAMES: [&str; 9] = [
+        "CLASS",
+        "NAME",
+        "DIMENSION_LIST",
+        "DIMENSION_LABELS",
+        "REFERENCE_LIST",
+        "TITLE",
+        "VERSION",
+        "PYTABLES_FORMAT_VERSION",
+        "H5PATH",
+    ];
+    NAMES.contains(&name) || name.starts_with("_N") || name.starts_with("FIELD_")
 }
 
 fn shape(fields: &mut Fields<'_>, sizes: Sizes) -> Read<Option<Vec<u64>>> {

@@ -1,6 +1,6 @@
 //! Messages of an MCAP file, a chunk at a time.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::ops::Range;
@@ -38,6 +38,8 @@ pub(super) struct McapMessages {
     chunk: Option<u64>,
     chunks: u64,
     present: Option<Present>,
+    /// The names of attachments and of records of metadata so far.
+    pub(super) beside: BTreeSet<String>,
 }
 
 struct Present {
@@ -75,6 +77,7 @@ impl McapMessages {
             chunk: None,
             chunks: 0,
             present: None,
+            beside: BTreeSet::new(),
         })
     }
 
@@ -146,7 +149,17 @@ impl McapMessages {
                             self.records.extend_from_slice(data);
                             return Ok(true);
                         }
-                        // indices, attachments and the summary
+                        op::ATTACHMENT | op::METADATA => match parse_record(opcode, data) {
+                            Ok(Record::Attachment { header, .. }) => {
+                                self.beside.insert(header.name);
+                            }
+                            // ROS 2 writes one of this name by itself
+                            Ok(Record::Metadata(own)) if own.name != "rosbag2" => {
+                                self.beside.insert(own.name);
+                            }
+                            _ => {}
+                        },
+                        // indices and the summary
                         _ => {}
                     }
                 }

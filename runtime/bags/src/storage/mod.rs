@@ -3,6 +3,7 @@
 mod mcap_file;
 mod sqlite;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::definition::short_name;
@@ -117,6 +118,8 @@ pub(crate) struct Messages {
     current: Option<Storage>,
     /// The current file.
     pub(crate) file: PathBuf,
+    /// The names of what the files that were read have besides messages.
+    pub(crate) beside: BTreeSet<String>,
 }
 
 impl Messages {
@@ -135,6 +138,7 @@ impl Messages {
             any: any.map(str::to_owned),
             current: None,
             file: path.to_path_buf(),
+            beside: BTreeSet::new(),
         })
     }
 
@@ -154,6 +158,9 @@ impl Messages {
             };
             if more {
                 break;
+            }
+            if let Some(Storage::Mcap(messages)) = &mut self.current {
+                self.beside.append(&mut messages.beside);
             }
             let Some(part) = self.parts.next() else {
                 return Ok(None);

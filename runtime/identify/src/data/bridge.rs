@@ -65,16 +65,17 @@ impl Bridging {
         }
     }
 
-    /// The number of rows that are missing in a step of time that is bridged; `None` if it is not.
+    /// The number of rows that are missing in a step of time that is bridged; `None` if it is not, or if they are
+    /// more than are held.
     ///
     /// - `step`: from the row before to the row after, s; `usual`: the usual step, s.
     pub(super) fn missing_rows(self, step: f64, usual: f64) -> Option<usize> {
         if !self.spans(step) || self.even && !is_even(step, usual) {
             return None;
         }
-        #[allow(clippy::cast_sign_loss, reason = "clamped")]
-        let steps = (step / usual).round().clamp(1.0, 1e6) as usize;
-        Some(steps - 1)
+        let steps = (step / usual).round();
+        #[allow(clippy::cast_sign_loss, reason = "at least 1")]
+        (steps <= MAX_PENDING as f64).then(|| steps.max(1.0) as usize - 1)
     }
 
     /// Whether a gap of this length is bridged, s.
@@ -126,8 +127,9 @@ pub(super) struct Bridge {
     before: VecDeque<LogRow>,
     /// Rows that wait, the first of which is incomplete.
     waiting: Vec<LogRow>,
-    /// The number of complete rows at the end of those that wait.
+    /// The number of complete rows at the end of those that wait, and of incomplete ones.
     after: usize,
+    missing: usize,
     /// Whether the next row that is passed on follows the last one.
     follows: bool,
     /// The time of the last row, s.
@@ -151,6 +153,7 @@ impl Bridge {
             before: VecDeque::with_capacity(side),
             waiting: Vec::new(),
             after: 0,
+            missing: 0,
             follows: false,
             last: None,
             counts: Bridged {
@@ -235,9 +238,11 @@ impl Bridge {
         let time = row.values.first().copied().unwrap_or(0.0);
         self.waiting.push(row);
         self.after = if complete { self.after + 1 } else { 0 };
+        self.missing = if complete { 0 } else { self.missing + 1 };
         if !complete {
-            let begin = self.waiting.iter().rev().find(|row| is_complete(row));
+            let begin = self.waiting.len().checked_sub(self.missing + 1);
             let begin = begin
+                .and_then(|begin| self.waiting.get(begin))
                 .or(self.before.back())
                 .and_then(|row| row.values.first());
             let longest = self.bridging.longest + 0.5 * self.step;
@@ -262,7 +267,7 @@ impl Bridge {
     fn cut(&mut self) {
         self.before.clear();
         self.waiting.clear();
-        self.after = 0;
+        (self.after, self.missing) = (0, 0);
         self.follows = false;
     }
 
@@ -307,7 +312,7 @@ impl Bridge {
                 self.remember(row);
             }
         }
-        self.after = 0;
+        (self.after, self.missing) = (0, 0);
         Ok(())
     }
 
@@ -528,6 +533,18 @@ mod tests {
             values: vec![time, time.sin()],
             ..LogRow::default()
         }
+    }
+
+    #[test]
+    fn a_gap_of_more_rows_than_are_held_is_not_bridged() {
+        let bridging = Bridging {
+            longest: 0.2,
+            interpolates: true,
+            even: false,
+        };
+        assert_eq!(bridging.missing_rows(0.05, 1e-5), Some(4999));
+        assert_eq!(bridging.missing_rows(0.19, 1e-5), None);
+        assert_eq!(bridging.missing_rows(0.19, 1e-300), None);
     }
 
     #[test]

@@ -342,7 +342,7 @@ impl Table {
 
     /// What the file has and the table lacks, with the reasons.
     #[cfg_attr(
-        not(any(feature = "arrays", feature = "bags")),
+        not(any(feature = "arrays", feature = "bags", feature = "parquet")),
         allow(clippy::unused_self)
     )]
     pub(super) fn absent(&self) -> &[(String, String)] {
@@ -351,6 +351,8 @@ impl Table {
             Kind::Arrays(table) => table.absent(),
             #[cfg(feature = "bags")]
             Kind::Bag(table) => table.absent(),
+            #[cfg(feature = "parquet")]
+            Kind::Parquet(contents) => &contents.absent,
             _ => &[],
         }
     }

@@ -20,6 +20,8 @@ use crate::document::require_regular;
 
 /// The column of the index of the episode.
 const EPISODE: &str = "episode_index";
+/// Keys of metadata that libraries write by themselves.
+const OF_WRITERS: [&str; 3] = ["ARROW:schema", "pandas", "huggingface"];
 /// The length of the longest list whose elements become columns.
 const MAX_ELEMENTS: usize = 1000;
 /// The largest number of episodes that an error lists.
@@ -46,6 +48,8 @@ pub(in crate::data) struct Contents {
     pub(super) places: Vec<Place>,
     /// The number of the first row and of the last one, from 1; `None` for all.
     pub(super) rows: Option<(u64, u64)>,
+    /// What the file has besides columns, with the reasons why it is not read.
+    pub(in crate::data) absent: Vec<(String, String)>,
 }
 
 /// The contents of `meta/info.json` in a folder above a file, which names features and the rate;
@@ -183,7 +187,15 @@ pub(in crate::data) fn contents(
             rate: rate.filter(|_| is_time),
         });
     }
-    let mut contents = Contents { places, rows: None };
+    let said = reader.metadata().file_metadata().key_value_metadata();
+    let keys = said.into_iter().flatten().map(|own| own.key.clone());
+    let keys = keys.filter(|key| !OF_WRITERS.contains(&key.as_str()));
+    let why = "it is metadata of the file, which is not applied to numbers";
+    let mut contents = Contents {
+        places,
+        rows: None,
+        absent: keys.map(|key| (key, why.to_owned())).collect(),
+    };
     match (episodes, episode) {
         (None, None) => {}
         (None, Some(_)) => {
