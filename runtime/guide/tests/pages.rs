@@ -240,8 +240,9 @@ fn the_figures_of_a_section_are_those_of_the_records_that_it_names() {
             }
             for figure in figures(section) {
                 let Figure { value, near, .. } = figure;
-                let is_due = figure.is_measured
-                    || !known.is_empty() && (figure.is_long || figure.is_cell && !is_year);
+                let is_year = (1900.0..2100.0).contains(&value);
+                let is_printed = figure.is_long || figure.is_cell && !is_year;
+                let is_due = figure.is_measured || !known.is_empty() && is_printed;
                 if !is_due {
                     continue;
                 }
