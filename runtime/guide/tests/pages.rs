@@ -148,17 +148,17 @@ fn what_is_cited_is_what_the_citation_file_has() {
     }
 }
 
-/// Units of what was measured on a machine.
-const MEASURED: [&str; 9] = [
-    "ns",
-    "us",
-    "min",
-    "minutes",
-    "kB",
-    "MB",
-    "GB",
-    "bytes",
-    "instructions",
+/// Units of what was measured on a machine, as they are written and as they are compared.
+const MEASURED: [(&str, &str); 9] = [
+    ("ns", "ns"),
+    ("us", "us"),
+    ("min", "min"),
+    ("minutes", "min"),
+    ("kB", "kB"),
+    ("MB", "MB"),
+    ("GB", "GB"),
+    ("bytes", "bytes"),
+    ("instructions", "instructions"),
 ];
 
 /// A number as it is written.
@@ -168,8 +168,8 @@ struct Figure {
     near: f64,
     /// Whether it has decimals or thousands.
     is_long: bool,
-    /// Whether a unit of what was measured follows.
-    is_measured: bool,
+    /// The unit of what was measured that follows.
+    unit: Option<&'static str>,
     /// Whether it stands in a table.
     is_cell: bool,
 }
@@ -202,7 +202,10 @@ fn figures(text: &str) -> Vec<Figure> {
                 value,
                 near: 0.501 * 0.1_f64.powi(places),
                 is_long: word.contains(['.', ',']),
-                is_measured: next.is_some_and(|next| MEASURED.contains(next)),
+                unit: next.and_then(|next| {
+                    let mut rows = MEASURED.iter();
+                    Some(rows.find(|row| row.0 == *next)?.1)
+                }),
                 is_cell: line.starts_with('|'),
             });
         }
@@ -242,11 +245,15 @@ fn the_figures_of_a_section_are_those_of_the_records_that_it_names() {
                 let Figure { value, near, .. } = figure;
                 let is_year = (1900.0..2100.0).contains(&value);
                 let is_printed = figure.is_long || figure.is_cell && !is_year;
-                let is_due = figure.is_measured || !known.is_empty() && is_printed;
+                let is_due = figure.unit.is_some() || !known.is_empty() && is_printed;
                 if !is_due {
                     continue;
                 }
-                let mut alike = known.iter().filter(|own| own.is_long || !figure.is_long);
+                // a column of a table has its unit above
+                let mut alike = known.iter().filter(|own| {
+                    (own.is_long || !figure.is_long)
+                        && (figure.unit.is_none() || own.is_cell || own.unit == figure.unit)
+                });
                 if !alike.any(|own| (own.value - value).abs() <= near) {
                     let head = section.lines().next().unwrap_or_default();
                     unknown.push(format!("{name}, {head}: {value}"));
