@@ -188,10 +188,11 @@ fn figures(text: &str) -> Vec<Figure> {
             };
             let decimals = digits.split_once('.').map_or(0, |(_, rest)| rest.len());
             let zeros = digits.len() - digits.trim_end_matches('0').len();
-            let places = if decimals > 0 {
-                decimals as i32
+            let power = |places: usize| 10_f64.powi(i32::try_from(places).unwrap());
+            let last = if decimals > 0 {
+                1.0 / power(decimals)
             } else {
-                -(zeros as i32)
+                power(zeros)
             };
             // 7 to 13 minutes
             let next = match words.get(k + 1) {
@@ -200,7 +201,7 @@ fn figures(text: &str) -> Vec<Figure> {
             };
             found.push(Figure {
                 value,
-                near: 0.501 * 0.1_f64.powi(places),
+                near: 0.501 * last,
                 is_long: word.contains(['.', ',']),
                 unit: next.and_then(|next| {
                     let mut rows = MEASURED.iter();
@@ -252,7 +253,9 @@ fn the_figures_of_a_section_are_those_of_the_records_that_it_names() {
                 // a column of a table has its unit above
                 let mut alike = known.iter().filter(|own| {
                     (own.is_long || !figure.is_long)
-                        && (figure.unit.is_none() || own.is_cell || own.unit == figure.unit)
+                        && (figure.unit.is_none()
+                            || own.is_cell && figure.is_long
+                            || own.unit == figure.unit)
                 });
                 if !alike.any(|own| (own.value - value).abs() <= near) {
                     let head = section.lines().next().unwrap_or_default();
