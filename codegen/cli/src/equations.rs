@@ -18,7 +18,7 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
     };
     if !has_loops && matches!(args.of, Some(OfArg::Closure | OfArg::Jacobian | OfArg::X)) {
         return Err(Failure::Input(format!(
-            "{}: the robot has no loops, so that there is nothing to close: --of regressor or dynamics",
+            "{}: the robot has no loops, so that there is nothing to close: --of regressor, dynamics, mass, coriolis or gravity",
             args.file.display()
         )));
     }
@@ -28,6 +28,10 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
         OfArg::X => EquationSet::X,
         OfArg::Regressor => EquationSet::Regressor,
         OfArg::Dynamics => EquationSet::Dynamics,
+        OfArg::Mass => EquationSet::Mass,
+        OfArg::Coriolis => EquationSet::Coriolis,
+        OfArg::Gravity => EquationSet::Gravity,
+        OfArg::Frames => EquationSet::Frames,
     };
     let parameters = match args.parameters {
         ParametersArg::All => Parameters::All,

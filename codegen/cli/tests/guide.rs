@@ -238,7 +238,7 @@ fn the_numbers_of_the_paper_are_those_that_base_prints() {
 fn the_commands_of_the_c_optimise_and_equations_pages_run() {
     assert_eq!(run_page("c").len(), 3);
     assert_eq!(run_page("optimise").len(), 1);
-    assert_eq!(run_page("equations").len(), 5);
+    assert_eq!(run_page("equations").len(), 6);
     assert_eq!(run_page("reference").len(), 3);
 }
 

@@ -255,6 +255,10 @@ mod tests {
                 EquationSet::X,
                 EquationSet::Regressor,
                 EquationSet::Dynamics,
+                EquationSet::Mass,
+                EquationSet::Coriolis,
+                EquationSet::Gravity,
+                EquationSet::Frames,
             ] {
                 let robot = mechanism
                     .robot_in_names(&kinds(of, Parameters::All))

@@ -4,11 +4,11 @@ use regen_codegen::optimize::{Op, Operand, Program};
 
 use crate::graph::{Graph, Id, Node};
 
-/// The expressions of a program's outputs. `given` replaces an element of an argument by a number.
+/// The expressions of a program's outputs. `given` replaces an element of an argument by an expression.
 pub(crate) fn outputs(
     g: &mut Graph,
     program: &Program,
-    given: &dyn Fn(usize, usize) -> Option<f64>,
+    given: &dyn Fn(&mut Graph, usize, usize) -> Option<Id>,
 ) -> Vec<Id> {
     let nothing = g.constant(0.0);
     let mut values = vec![nothing; program.names.len()];
@@ -27,12 +27,12 @@ pub(crate) fn outputs(
 fn operand(
     g: &mut Graph,
     operand: Operand,
-    given: &dyn Fn(usize, usize) -> Option<f64>,
+    given: &dyn Fn(&mut Graph, usize, usize) -> Option<Id>,
     values: &[Id],
 ) -> Id {
     match operand {
-        Operand::Input { argument, element } => match given(argument, element) {
-            Some(value) => g.constant(value),
+        Operand::Input { argument, element } => match given(g, argument, element) {
+            Some(value) => value,
             None => g.input(argument, element),
         },
         Operand::Constant(value) => g.constant(value),
@@ -44,7 +44,7 @@ fn operand(
 fn results(
     g: &mut Graph,
     op: &Op,
-    given: &dyn Fn(usize, usize) -> Option<f64>,
+    given: &dyn Fn(&mut Graph, usize, usize) -> Option<Id>,
     values: &[Id],
 ) -> Vec<Id> {
     if let Op::Solve(solve) = op {

@@ -4,6 +4,7 @@
 use std::error::Error;
 use std::fmt;
 
+use regen_codegen::base::Base;
 use regen_codegen::base::latex::parameter;
 use regen_codegen::robot::{FunctionKind, Robot};
 use regen_codegen::signature::GEOMETRY;
@@ -26,9 +27,17 @@ pub enum EquationSet {
     Regressor,
     /// The efforts of the independent coordinates.
     Dynamics,
+    /// The mass matrix M over the independent coordinates.
+    Mass,
+    /// The matrix C of Coriolis and centrifugal efforts.
+    Coriolis,
+    /// The efforts g of gravity, springs and offsets.
+    Gravity,
+    /// The Jacobians J of the frames that the description names.
+    Frames,
 }
 
-/// The parameters in which regressor and dynamics are written.
+/// The parameters in which the regressor, the efforts and their parts are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameters {
     /// The parameters of all bodies and joints.
@@ -48,7 +57,7 @@ pub enum Style {
     Sympy,
 }
 
-/// The robot does not have what was asked for: no loops, or no base parameters.
+/// The robot does not have what was asked for: no loops, no named frames, or no base parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MissingFunction(pub FunctionKind);
 
@@ -60,6 +69,9 @@ impl fmt::Display for MissingFunction {
                     f,
                     "the robot has no loops, so that there is nothing to close"
                 )
+            }
+            FunctionKind::FrameJacobian => {
+                write!(f, "the spec names no frames (key `frames`)")
             }
             other => write!(f, "the robot has no function `{}`", other.name()),
         }
@@ -78,19 +90,30 @@ fn kind(of: EquationSet, parameters: Parameters) -> FunctionKind {
         (EquationSet::Regressor, Parameters::Base) => FunctionKind::BaseRegressor,
         (EquationSet::Dynamics, Parameters::All) => FunctionKind::InverseDynamics,
         (EquationSet::Dynamics, Parameters::Base) => FunctionKind::BaseInverseDynamics,
+        (EquationSet::Mass, Parameters::All) => FunctionKind::MassMatrix,
+        (EquationSet::Mass, Parameters::Base) => FunctionKind::BaseMassMatrix,
+        (EquationSet::Gravity, Parameters::All) => FunctionKind::Gravity,
+        (EquationSet::Gravity, Parameters::Base) => FunctionKind::BaseGravity,
+        (EquationSet::Coriolis, _) => FunctionKind::CoriolisMatrix,
+        (EquationSet::Frames, _) => FunctionKind::FrameJacobian,
     }
 }
 
-/// The functions with which the robot of [`equations`] is derived.
-pub fn kinds(of: EquationSet, parameters: Parameters) -> [FunctionKind; 1] {
-    [kind(of, parameters)]
+/// The functions with which the robot of [`equations`] is derived; the first one is written.
+pub fn kinds(of: EquationSet, parameters: Parameters) -> Vec<FunctionKind> {
+    let mut kinds = vec![kind(of, parameters)];
+    // there is no function of C in base parameters: their combinations are put into that of all
+    if (of, parameters) == (EquationSet::Coriolis, Parameters::Base) {
+        kinds.push(FunctionKind::ToBase);
+    }
+    kinds
 }
 
 /// Writes equations of a robot, with the names of the geometry that its functions take as arguments
 /// ([`Mechanism::robot_in_names`](regen_codegen::Mechanism::robot_in_names)).
 ///
 /// # Errors
-/// When the robot does not have the function, see [`kinds`]; a robot without dependent coordinates
+/// When the robot does not have the functions, see [`kinds`]; a robot without dependent coordinates
 /// has no X.
 pub fn equations(
     robot: &Robot,
@@ -153,13 +176,31 @@ impl<'p> Page<'p> {
         }
         let mut graph = Graph::default();
         let (dof, n) = (robot.independent.len(), robot.coordinates.len());
+        let arguments = program.arguments.iter();
+        let mut arguments: Vec<(String, usize)> =
+            arguments.map(|a| (a.name.clone(), a.len)).collect();
+        let mut phi = None;
+        if (of, parameters) == (EquationSet::Coriolis, Parameters::Base) {
+            let at = arguments.iter().position(|(name, _)| name == "phi");
+            let analysis = robot.analysis.as_ref();
+            let missing = MissingFunction(FunctionKind::ToBase);
+            let (at, analysis) = at.zip(analysis).ok_or(missing)?;
+            let (count, values) = phi_of_base(&mut graph, robot, &analysis.base, at);
+            arguments[at] = ("beta".to_owned(), count);
+            phi = Some((at, values));
+        }
+        let parameter = |_: &mut Graph, argument: usize, element: usize| {
+            let (at, values) = phi.as_ref()?;
+            (*at == argument).then(|| values[element])
+        };
         let (values, shape) = match of {
             EquationSet::X => {
                 // column k holds the velocities for a unit velocity of independent coordinate k
                 let mut columns = Vec::new();
                 for k in 0..dof {
-                    let unit = |argument: usize, element: usize| {
-                        (argument == 1).then_some(if element == k { 1.0 } else { 0.0 })
+                    let unit = |g: &mut Graph, argument: usize, element: usize| {
+                        let value = if element == k { 1.0 } else { 0.0 };
+                        (argument == 1).then(|| g.constant(value))
                     };
                     columns.push(load::outputs(&mut graph, program, &unit));
                 }
@@ -171,17 +212,22 @@ impl<'p> Page<'p> {
                 }
                 (values, (robot.dependent.len(), dof))
             }
-            EquationSet::Closure | EquationSet::Dynamics => {
-                let values = load::outputs(&mut graph, program, &|_, _| None);
+            EquationSet::Closure | EquationSet::Dynamics | EquationSet::Gravity => {
+                let values = load::outputs(&mut graph, program, &parameter);
                 let rows = values.len();
                 (values, (rows, 1))
             }
             EquationSet::Jacobian => (
-                load::outputs(&mut graph, program, &|_, _| None),
+                load::outputs(&mut graph, program, &parameter),
                 (robot.rows, n),
             ),
+            EquationSet::Mass | EquationSet::Coriolis | EquationSet::Frames => {
+                let values = load::outputs(&mut graph, program, &parameter);
+                let rows = values.len() / dof.max(1);
+                (values, (rows, dof))
+            }
             EquationSet::Regressor => {
-                let stored = load::outputs(&mut graph, program, &|_, _| None);
+                let stored = load::outputs(&mut graph, program, &parameter);
                 // columns are stored one after the other
                 let columns = stored.len() / dof.max(1);
                 let by_rows = (0..dof).flat_map(|r| (0..columns).map(move |c| c * dof + r));
@@ -196,28 +242,30 @@ impl<'p> Page<'p> {
             _ => None,
         };
         let names = Names::new(&graph, &values, &is_coordinate);
-        let arguments = program.arguments.iter();
         let inputs = arguments
-            .clone()
-            .map(|argument| inputs(robot, &argument.name, argument.len))
+            .iter()
+            .map(|(name, len)| inputs(robot, name, *len))
             .collect();
-        let geometry = arguments
-            .clone()
-            .position(|argument| argument.name == GEOMETRY.name);
+        let mut all = arguments.iter();
+        let geometry = all.position(|(name, _)| name == GEOMETRY.name);
         Ok(Self {
             robot,
             geometry,
             names,
-            heading: heading(of, parameters).to_owned(),
+            heading: heading(of, parameters),
             letter: match of {
                 EquationSet::Closure => "f",
                 EquationSet::Jacobian => "A",
                 EquationSet::X => "X",
                 EquationSet::Regressor => "W",
                 EquationSet::Dynamics => "tau",
+                EquationSet::Mass => "M",
+                EquationSet::Coriolis => "C",
+                EquationSet::Gravity => "g",
+                EquationSet::Frames => "J",
             },
             shape,
-            arguments: arguments.map(|argument| argument.name.clone()).collect(),
+            arguments: arguments.into_iter().map(|(name, _)| name).collect(),
             inputs,
             values,
             of,
@@ -242,7 +290,10 @@ impl<'p> Page<'p> {
     }
 
     fn is_vector(&self) -> bool {
-        matches!(self.of, EquationSet::Closure | EquationSet::Dynamics)
+        matches!(
+            self.of,
+            EquationSet::Closure | EquationSet::Dynamics | EquationSet::Gravity
+        )
     }
 
     /// Whether entries are zero at every state.
@@ -280,7 +331,7 @@ impl<'p> Page<'p> {
             let rows = each.map(|cut| format!("{} of {}", cut.rows, cut.name));
             rows.collect::<Vec<_>>().join(", ")
         };
-        match self.of {
+        let mut captions = match self.of {
             EquationSet::Closure => vec![format!("rows: {}, then couplings", cuts())],
             EquationSet::Jacobian => vec![
                 format!("rows: {}, then couplings", cuts()),
@@ -294,12 +345,23 @@ impl<'p> Page<'p> {
                 format!("rows: {independent}"),
                 format!("columns: {}", self.parameter_labels().join(", ")),
             ],
-            EquationSet::Dynamics if self.parameters == Parameters::Base => vec![
-                format!("rows: {independent}"),
-                format!("beta: {}", self.parameter_labels().join(", ")),
+            EquationSet::Mass | EquationSet::Coriolis => {
+                vec![format!("rows and columns: {independent}")]
+            }
+            EquationSet::Frames => vec![
+                format!(
+                    "rows: velocity (3) and angular velocity (3) of {}",
+                    robot.frames.join(", ")
+                ),
+                format!("columns: {independent}"),
             ],
-            EquationSet::Dynamics => vec![format!("rows: {independent}")],
+            EquationSet::Dynamics | EquationSet::Gravity => vec![format!("rows: {independent}")],
+        };
+        // a regressor has them as columns
+        if self.arguments.iter().any(|name| name == "beta") {
+            captions.push(format!("beta: {}", self.parameter_labels().join(", ")));
         }
+        captions
     }
 
     /// The labels of the parameters.
@@ -325,21 +387,59 @@ impl<'p> Page<'p> {
     }
 }
 
-fn heading(of: EquationSet, parameters: Parameters) -> &'static str {
-    match (of, parameters) {
-        (EquationSet::Closure, _) => "the closure equations f(q) = 0 (Eq. 6)",
-        (EquationSet::Jacobian, _) => "the Jacobian A = df/dq of the closure equations (Eq. 7)",
-        (EquationSet::X, _) => "X, with qd_e = -X qd_i (Eq. 10)",
-        (EquationSet::Regressor, Parameters::All) => "the regressor W, with tau = W phi (Eq. 11)",
-        (EquationSet::Regressor, Parameters::Base) => {
+/// All parameters as expressions of the base parameters, which are argument `at`, and their number: the
+/// eliminated ones are zero.
+fn phi_of_base(g: &mut Graph, robot: &Robot, base: &Base, at: usize) -> (usize, Vec<Id>) {
+    let mut phi = vec![g.constant(0.0); robot.parameters.len()];
+    let mut count = 0;
+    for kept in base.parameters.iter().filter(|p| !p.dropped) {
+        phi[kept.column] = g.input(at, count);
+        count += 1;
+    }
+    for known in &base.known {
+        let mut sum = g.constant(0.0);
+        for term in &known.terms {
+            let factor = g.constant(term.value.to_f64());
+            let product = g.mul(factor, phi[term.column]);
+            sum = g.add(sum, product);
+        }
+        phi[known.column] = sum;
+    }
+    (count, phi)
+}
+
+fn heading(of: EquationSet, parameters: Parameters) -> String {
+    let text = match of {
+        EquationSet::Closure => "the closure equations f(q) = 0 (Eq. 6)",
+        EquationSet::Jacobian => "the Jacobian A = df/dq of the closure equations (Eq. 7)",
+        EquationSet::X => "X, with qd_e = -X qd_i (Eq. 10)",
+        EquationSet::Regressor if parameters == Parameters::All => {
+            "the regressor W, with tau = W phi (Eq. 11)"
+        }
+        EquationSet::Regressor => {
             "the regressor W of the base parameters, with tau = W beta (Eq. 23)"
         }
-        (EquationSet::Dynamics, Parameters::All) => {
-            "the efforts tau from the parameters of all bodies"
+        EquationSet::Dynamics => "the efforts tau",
+        EquationSet::Mass => "the mass matrix M",
+        EquationSet::Coriolis => "the matrix C of the Coriolis and centrifugal efforts C qd_i",
+        EquationSet::Gravity => "the efforts g of gravity, springs and offsets",
+        EquationSet::Frames => "the Jacobians J of the named frames, with velocities J qd_i",
+    };
+    match (of, parameters) {
+        (
+            EquationSet::Dynamics
+            | EquationSet::Mass
+            | EquationSet::Coriolis
+            | EquationSet::Gravity,
+            _,
+        ) => {
+            let source = match parameters {
+                Parameters::All => "the parameters of all bodies",
+                Parameters::Base => "the base parameters beta",
+            };
+            format!("{text} from {source}")
         }
-        (EquationSet::Dynamics, Parameters::Base) => {
-            "the efforts tau from the base parameters beta"
-        }
+        _ => text.to_owned(),
     }
 }
 

@@ -11,13 +11,13 @@ use regen_codegen::interpret;
 use regen_codegen::robot::{FunctionKind, Robot};
 use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 
-/// A robot of the repository with one function.
-fn robot(file: &str, kind: FunctionKind) -> Robot {
+/// A robot of the repository with these functions.
+fn robot(file: &str, kinds: &[FunctionKind]) -> Robot {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
     let text = std::fs::read_to_string(path.join(file)).unwrap();
     let source = Source::new(file, &text);
     let mechanism = Mechanism::open(&source).unwrap();
-    mechanism.robot_in_names(&[kind]).unwrap()
+    mechanism.robot_in_names(kinds).unwrap()
 }
 
 /// Irregular values near home.
@@ -56,18 +56,37 @@ fn sympy_evaluates_to_what_is_computed() {
         // names that follow from others, and a coupling
         ("3rrr.yaml", EquationSet::Closure, Parameters::All),
         ("palletiser.yaml", EquationSet::Dynamics, Parameters::Base),
+        ("scara.yaml", EquationSet::Mass, Parameters::All),
+        ("fivebar.yaml", EquationSet::Mass, Parameters::Base),
+        ("scara.yaml", EquationSet::Coriolis, Parameters::All),
+        ("fivebar.yaml", EquationSet::Coriolis, Parameters::Base),
+        ("fivebar.yaml", EquationSet::Gravity, Parameters::Base),
+        ("slider_crank.yaml", EquationSet::Gravity, Parameters::All),
+        ("fivebar.yaml", EquationSet::Frames, Parameters::All),
     ] {
-        let [kind] = kinds(of, parameters);
-        let robot = robot(file, kind);
+        let kinds = kinds(of, parameters);
+        let robot = robot(file, &kinds);
+        let kind = kinds[0];
         let program = &robot.function(kind).unwrap().program;
         let mut script = equations(&robot, of, parameters, Style::Sympy).unwrap();
         let mut inputs = Vec::new();
         let mut given = String::new();
         for argument in &program.arguments {
-            let numbers = values(&robot, &argument.name, argument.len);
-            if !(of == EquationSet::X && argument.name == "qd_i") {
-                let name = &argument.name;
-                write!(given, "**dict(zip({name}_, {numbers:?})), ").unwrap();
+            let mut numbers = values(&robot, &argument.name, argument.len);
+            let mut name = argument.name.as_str();
+            if !(of == EquationSet::X && name == "qd_i") {
+                let shown = if of == EquationSet::Coriolis && name == "phi" {
+                    // kept parameters have the values of the base parameters, and the others none
+                    name = if parameters == Parameters::Base {
+                        "beta"
+                    } else {
+                        name
+                    };
+                    kept_alone(&robot, &mut numbers)
+                } else {
+                    numbers.clone()
+                };
+                write!(given, "**dict(zip({name}_, {shown:?})), ").unwrap();
             }
             inputs.push(numbers);
         }
@@ -92,6 +111,22 @@ fn sympy_evaluates_to_what_is_computed() {
             assert!(error <= 1e-12, "{name}: {found} instead of {expected}");
         }
     }
+}
+
+/// Sets parameters to zero that the base does not keep, and returns those that it keeps; all of them where no base was
+/// derived.
+fn kept_alone(robot: &Robot, phi: &mut [f64]) -> Vec<f64> {
+    let Some(analysis) = &robot.analysis else {
+        return phi.to_vec();
+    };
+    let kept = analysis.base.parameters.iter().filter(|p| !p.dropped);
+    let kept: Vec<usize> = kept.map(|p| p.column).collect();
+    for (column, value) in phi.iter_mut().enumerate() {
+        if !kept.contains(&column) {
+            *value = 0.0;
+        }
+    }
+    kept.iter().map(|column| phi[*column]).collect()
 }
 
 /// What the interpreter computes, column by column.
@@ -121,6 +156,12 @@ fn expected(
             let rows = run(inputs);
             let n = robot.coordinates.len();
             let order = (0..n).flat_map(|c| (0..robot.rows).map(move |r| r * n + c));
+            order.map(|at| rows[at]).collect()
+        }
+        EquationSet::Mass | EquationSet::Coriolis | EquationSet::Frames => {
+            let rows = run(inputs);
+            let dof = robot.independent.len();
+            let order = (0..dof).flat_map(|c| (c..rows.len()).step_by(dof));
             order.map(|at| rows[at]).collect()
         }
         _ => run(inputs),

@@ -15,6 +15,7 @@ generated code uses in the middle of the workspace.
 Examples:
   regen equations robots/fivebar.yaml
   regen equations robots/3rps.yaml --of X --format latex > x.tex
+  regen equations robots/scara.yaml --of mass --format latex
   regen equations robots/ur5e.yaml --of regressor --parameters base")]
 pub(crate) struct EquationsArgs {
     /// The robot's spec
@@ -25,7 +26,7 @@ pub(crate) struct EquationsArgs {
     /// The equations [default: closure with loops, dynamics without]
     #[arg(long, value_enum)]
     pub(crate) of: Option<OfArg>,
-    /// The parameters of regressor and dynamics
+    /// The parameters of the regressor, the efforts and their parts
     #[arg(long, value_enum, default_value_t)]
     pub(crate) parameters: ParametersArg,
 }
@@ -56,9 +57,17 @@ pub(crate) enum OfArg {
     Regressor,
     /// The efforts
     Dynamics,
+    /// The mass matrix M of the efforts M qdd_i + C qd_i + g
+    Mass,
+    /// The matrix C of Coriolis and centrifugal efforts
+    Coriolis,
+    /// The efforts g of gravity, springs and offsets
+    Gravity,
+    /// The Jacobians of the frames that the spec names
+    Frames,
 }
 
-/// The parameters of regressor and dynamics.
+/// The parameters of the regressor, the efforts and their parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ParametersArg {
     /// Those of all bodies and joints

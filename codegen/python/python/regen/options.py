@@ -585,8 +585,8 @@ class EquationsOptions(TypedDict, total=False):
     #: The language of the result
     format: Literal["text", "latex", "sympy"] | None
     #: The equations [default: closure with loops, dynamics without]
-    of: Literal["closure", "jacobian", "X", "regressor", "dynamics"] | None
-    #: The parameters of regressor and dynamics
+    of: Literal["closure", "jacobian", "X", "regressor", "dynamics", "mass", "coriolis", "gravity", "frames"] | None
+    #: The parameters of the regressor, the efforts and their parts
     parameters: Literal["all", "base"] | None
 
 
