@@ -29,7 +29,9 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         self.states_every
     }
 
-    /// The largest number of rows to one state that the filter and its decimation admit.
+    /// The largest number of rows to one state that the filter and its decimation admit; without decimation, the
+    /// equations of so many rows would be averaged, and a mean of few rows passes more noise of high frequencies, of
+    /// which accelerations have most, than the filter before states does.
     pub(super) fn fewest_states(&self) -> usize {
         let Method::Butterworth { cutoff, .. } = self.settings.method else {
             return 1;
@@ -51,10 +53,15 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
                 RATE_PER_CUTOFF
             };
         let steps = self.files.iter().map(|log| log.survey.time_step());
-        let most = 1.0 / (rate * steps.fold(0.0, f64::max));
-        (1..=settings.decimation.max(1))
+        let step = steps.fold(0.0, f64::max);
+        let most = 1.0 / (rate * step);
+        let equations = match settings.decimation {
+            0 | 1 => settings.filtering().averaged(step),
+            given => given,
+        };
+        (1..=equations)
             .rev()
-            .find(|every| settings.decimation.is_multiple_of(*every) && *every as f64 <= most)
+            .find(|every| equations.is_multiple_of(*every) && *every as f64 <= most)
             .unwrap_or(1)
     }
 
@@ -118,29 +125,32 @@ mod tests {
     fn fewer_states_give_the_same_estimate() {
         let model = swings(false);
         let run = written("fewer", 6000, 0.0, |_| true);
-        let settings = with(FAST, 10);
-        let open = || Logs::open(&model, std::slice::from_ref(&run.0), &settings).unwrap();
-        let mut every = AllStates(open());
-        let all = solved(&mut every);
-        let rows = every.0.reports()[0].states;
-        let mut logs = open();
-        assert_eq!(logs.fewest_states(), 10);
-        let fewer = solved(&mut logs);
-        // each counts as its ten rows
-        assert!(logs.reports()[0].states.abs_diff(rows) < 200);
-        assert_eq!(
-            logs.states_every(),
-            1,
-            "whatever does not ask for less gets all"
-        );
-        let (few, many) = (fewer.left_out.samples, all.left_out.samples);
-        assert!(few.abs_diff(many) < 20, "{few} {many}");
-        let pairs = all.estimate.values.iter().zip(&fewer.estimate.values);
-        for (k, (a, b)) in pairs.enumerate() {
-            let sigma = all.deviations.sigma(k);
-            assert!((a - b).abs() < 0.3 * sigma, "{k}: {a} {b} {sigma}");
-            let ratio = fewer.deviations.sigma(k) / sigma;
-            assert!((0.7..1.4).contains(&ratio), "{k}: {ratio}");
+        // without decimation, those of the equations
+        for (decimation, rows_to_a_state) in [(10, 10), (1, 4)] {
+            let settings = with(FAST, decimation);
+            let open = || Logs::open(&model, std::slice::from_ref(&run.0), &settings).unwrap();
+            let mut every = AllStates(open());
+            let all = solved(&mut every);
+            let rows = every.0.reports()[0].states;
+            let mut logs = open();
+            assert_eq!(logs.fewest_states(), rows_to_a_state);
+            let fewer = solved(&mut logs);
+            // each counts as its rows
+            assert!(logs.reports()[0].states.abs_diff(rows) < 200);
+            assert_eq!(
+                logs.states_every(),
+                1,
+                "whatever does not ask for less gets all"
+            );
+            let (few, many) = (fewer.left_out.samples, all.left_out.samples);
+            assert!(few.abs_diff(many) < 20, "{few} {many}");
+            let pairs = all.estimate.values.iter().zip(&fewer.estimate.values);
+            for (k, (a, b)) in pairs.enumerate() {
+                let sigma = all.deviations.sigma(k);
+                assert!((a - b).abs() < 0.3 * sigma, "{k}: {a} {b} {sigma}");
+                let ratio = fewer.deviations.sigma(k) / sigma;
+                assert!((0.7..1.4).contains(&ratio), "{k}: {ratio}");
+            }
         }
     }
 

@@ -548,7 +548,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for Logs<'_, M> {
 
     fn filtering(&self) -> Filtering {
         Filtering {
-            decimation: self.settings.decimation / self.states_every,
+            decimation: (self.settings.decimation / self.states_every).max(1),
             ..self.settings.filtering()
         }
     }
