@@ -5,7 +5,7 @@ use super::grams::{Fit, Grams};
 use super::unknowns::log_errors;
 use super::{
     Change, MAX_EXPLAINED_ERROR, MAX_OFFSET_PART, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Reading,
-    facts, implausible_count, judge, quality, worst,
+    facts, implausible_count, is_beside_noise, judge, quality, worst,
 };
 use regen_runtime::BaseModel;
 
@@ -126,7 +126,9 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         touched.extend(&candidate.touched);
         (read, offsets, now) = (candidate.read, candidate.offsets, fit);
     }
-    if touched.is_empty() || worst(&now.errors) > worst(&start.errors) {
+    let is_worse = worst(&now.errors) > worst(&start.errors)
+        && !is_beside_noise(&start.errors, &now.errors);
+    if touched.is_empty() || is_worse {
         return None;
     }
     let mut change = Change {
@@ -595,8 +597,9 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::swings_for_tests::{sample, swings, with};
+    use super::super::swings_for_tests::{sample, scale, swings, with};
     use super::*;
+    use crate::intervals::Random;
 
     fn grams_of(sample: &super::super::Sample) -> Grams {
         Grams::of(&swings(true), sample, &Reading::plain(3), 1).unwrap()
@@ -623,6 +626,26 @@ mod tests {
         }
         // the first and the last one with four signs, and each of them with the other
         assert!(exchanges >= 4, "{exchanges}");
+    }
+
+    #[test]
+    fn an_exchange_is_found_beside_an_effort_that_is_noise() {
+        let model = swings(true);
+        for seed in 1..=12 {
+            let mut random = Random(seed);
+            // of a joint that hardly moves
+            let mut sample = sample();
+            for own in &mut sample.states {
+                own.efforts.swap(0, 1);
+                own.efforts[2] = 0.05 * random.normal();
+                scale(own, 2, 1e-3);
+            }
+            let grams = grams_of(&sample);
+            let now = grams.fit(&Reading::plain(3), &[]).unwrap();
+            let found = search(&model, &grams, &[1.0; 3], &now).unwrap();
+            let from: Vec<usize> = found.efforts.iter().map(|own| own.from).collect();
+            assert_eq!(from, [1, 0, 2], "{seed} {:?} {:?}", found.before, found.after);
+        }
     }
 
     #[test]
