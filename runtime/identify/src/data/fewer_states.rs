@@ -126,8 +126,8 @@ mod tests {
         let model = swings(false);
         let run = written("fewer", 6000, 0.0, |_| true);
         // without decimation, those of the equations
-        for (decimation, rows_to_a_state) in [(10, 10), (1, 4)] {
-            let settings = with(FAST, decimation);
+        for (cutoff, decimation, rows_to_a_state) in [(FAST, 10, 10), (0.9 * FAST, 1, 4)] {
+            let settings = with(cutoff, decimation);
             let open = || Logs::open(&model, std::slice::from_ref(&run.0), &settings).unwrap();
             let mut every = AllStates(open());
             let all = solved(&mut every);

@@ -126,8 +126,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         touched.extend(&candidate.touched);
         (read, offsets, now) = (candidate.read, candidate.offsets, fit);
     }
-    let is_worse = worst(&now.errors) > worst(&start.errors)
-        && !is_beside_noise(&start.errors, &now.errors);
+    let is_worse =
+        worst(&now.errors) > worst(&start.errors) && !is_beside_noise(&start.errors, &now.errors);
     if touched.is_empty() || is_worse {
         return None;
     }
@@ -644,7 +644,13 @@ mod tests {
             let now = grams.fit(&Reading::plain(3), &[]).unwrap();
             let found = search(&model, &grams, &[1.0; 3], &now).unwrap();
             let from: Vec<usize> = found.efforts.iter().map(|own| own.from).collect();
-            assert_eq!(from, [1, 0, 2], "{seed} {:?} {:?}", found.before, found.after);
+            assert_eq!(
+                from,
+                [1, 0, 2],
+                "{seed} {:?} {:?}",
+                found.before,
+                found.after
+            );
         }
     }
 
