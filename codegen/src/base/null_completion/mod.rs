@@ -164,7 +164,7 @@ impl<'a> NullCompletion<'a> {
             failing: failing.map(|(column, _)| column).collect(),
             names: groups
                 .iter()
-                .flat_map(|group| group.members().map(str::to_owned))
+                .map(|group| group.members().collect::<Vec<_>>().join(" = "))
                 .collect(),
         })
     }

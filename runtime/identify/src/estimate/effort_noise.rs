@@ -1,6 +1,8 @@
 //! The noise of each effort's equations, from their residuals and from what the filter before them makes of white
 //! noise.
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
 use super::{Autoregression, EffortError, EstimateError, ORDER, Residuals, Scores};
 
 /// What the filter makes of white noise of the efforts.
@@ -153,7 +155,7 @@ impl NoiseResiduals {
                 let freedom = independent - taken.first().copied().unwrap_or(0.0);
                 let white = white.get(k).copied().unwrap_or(0.0) / self.thinning.every as f64;
                 let missing = white / model.level();
-                if missing > 1.0 && missing * least_by_chance(freedom) < 1.0 {
+                if missing > 1.0 && chance_of_less(freedom, 1.0 / missing) > MIN_CHANCE_OF_LESS {
                     is_raised = true;
                     Autoregression {
                         variance: missing * model.variance,
@@ -249,16 +251,14 @@ pub(crate) struct EffortNoise {
     thinning: Thinning,
 }
 
-/// What a variance with these degrees of freedom is at least, over its expectation, but for one in a hundred (Wilson
-/// and Hilferty, 1931).
-fn least_by_chance(freedom: f64) -> f64 {
-    let spread = 2.0 / (9.0 * freedom.max(1.0));
-    let root = 1.0 - spread - NORMAL_QUANTILE * spread.sqrt();
-    root.max(0.0).powi(3)
-}
+/// Larger noise than that of the residuals explains them if they are as small as that in more than one of so many cases.
+const MIN_CHANCE_OF_LESS: f64 = 0.01;
 
-/// That one normal value in a hundred is beyond.
-const NORMAL_QUANTILE: f64 = 2.326;
+/// The probability that a variance with these degrees of freedom is less than this part of its expectation.
+fn chance_of_less(freedom: f64, part: f64) -> f64 {
+    let freedom = freedom.max(1.0);
+    ChiSquared::new(freedom).map_or(0.0, |chi| chi.cdf(part * freedom))
+}
 
 impl EffortNoise {
     /// Starts to collect the scores of n parameters in this noise.
@@ -343,13 +343,5 @@ mod tests {
         }
         let unknown = residuals(20).noise_before_fit(&[Vec::new()], &[]);
         assert!(!unknown.is_raised);
-    }
-
-    #[test]
-    fn the_least_variance_by_chance_is_the_quantile_of_chi_square() {
-        for (freedom, quantile) in [(10.0, 2.5582), (30.0, 14.953), (100.0, 70.065)] {
-            let found = least_by_chance(freedom) * freedom;
-            assert!((found / quantile - 1.0).abs() < 0.03, "{freedom} {found}");
-        }
     }
 }
