@@ -488,7 +488,8 @@ impl Reader<'_> {
         if words.chars().count() > MAX_SHOWN {
             words = words.chars().take(MAX_SHOWN).chain("..".chars()).collect();
         }
-        if !words.is_empty() {
+        // the second is what asammdf writes by itself
+        if !matches!(&*words, "" | "Python") {
             self.comments.add(&words, of);
         }
         Ok(())
