@@ -110,8 +110,8 @@ struct Field {
     offset: usize,
     /// How it is stored; `None` for what is no number.
     stored: Option<Stored>,
-    /// The unit of a date or a span of time, s, and whether it is a date.
-    clock: Option<(f64, bool)>,
+    /// The unit of a date or a span of time, s, as a whole number over another, and whether it is a date.
+    clock: Option<([f64; 2], bool)>,
     /// The sizes of the field's own axes.
     axes: Vec<u64>,
 }
@@ -126,8 +126,9 @@ struct Header {
     shape: Vec<u64>,
 }
 
-/// The unit of the dates of a type such as `<M8[ns]`, or of its spans of time, `m8`, s, and whether it has dates.
-fn clock(descr: &str) -> Option<(f64, bool)> {
+/// The unit of the dates of a type such as `<M8[ns]`, or of its spans of time, `m8`, s, as a whole number over another,
+/// and whether it has dates.
+fn clock(descr: &str) -> Option<([f64; 2], bool)> {
     let descr = descr.trim_start_matches(['<', '>', '|', '=']);
     let is_date = descr.starts_with('M');
     let (_, unit) = descr
@@ -141,19 +142,18 @@ fn clock(descr: &str) -> Option<(f64, bool)> {
     } else {
         count.parse().ok()?
     };
-    // the inverse of a unit is exact, which the unit is not
-    let unit = match letters {
-        "W" => 604_800.0,
-        "D" => 86_400.0,
-        "h" => 3600.0,
-        "m" => 60.0,
-        "s" => 1.0,
-        "ms" => 1.0 / 1e3,
-        "us" => 1.0 / 1e6,
-        "ns" => 1.0 / 1e9,
+    let (unit, parts) = match letters {
+        "W" => (604_800.0, 1.0),
+        "D" => (86_400.0, 1.0),
+        "h" => (3600.0, 1.0),
+        "m" => (60.0, 1.0),
+        "s" => (1.0, 1.0),
+        "ms" => (1.0, 1e3),
+        "us" => (1.0, 1e6),
+        "ns" => (1.0, 1e9),
         _ => return None,
     };
-    Some((count * unit, is_date))
+    Some(([count * unit, parts], is_date))
 }
 
 /// The size of a type, and how numbers of it are stored if it is one.
@@ -344,7 +344,7 @@ fn times<'a>(
     records: impl Iterator<Item = &'a [u8]>,
     offset: usize,
     stored: Stored,
-    unit: f64,
+    [unit, parts]: [f64; 2],
     is_date: bool,
 ) -> Read<Vec<f64>> {
     let mut first = None;
@@ -369,13 +369,8 @@ fn times<'a>(
         } else {
             0
         };
-        let inverse = (1.0 / unit).round();
         let ticks = (i128::from(count) - i128::from(from)) as f64;
-        out.push(if unit < 1.0 && inverse * unit == 1.0 {
-            ticks / inverse
-        } else {
-            ticks * unit
-        });
+        out.push(ticks * unit / parts);
     }
     Ok(out)
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::array::{Array, Container, Found, Remarks, require_few};
 use crate::error::{Read, broken, refused};
 use crate::input::{Fields, Input, text};
-use crate::number::{Kind, Stored};
+use crate::number::{Kind, Stored, index};
 
 /// The first bytes of a file, and of each segment of it.
 pub(crate) const MAGIC: &[u8] = b"TDSm";
@@ -178,7 +178,7 @@ fn scaling(scales: &Scales, parts: &[String]) -> Result<Scaling, ()> {
     let mut out = Vec::new();
     // the last one takes what another one gives, and so on, down to the raw values
     let mut at = count - 1.0;
-    while out.len() < count as usize {
+    while (out.len() as f64) < count {
         let of = |name: &str| own.get(&format!("NI_Scale[{at}]_{name}"));
         let number = |name: &str| of(name).and_then(Property::number);
         let (coefficients, source) = match of("Scale_Type") {
@@ -195,7 +195,7 @@ fn scaling(scales: &Scales, parts: &[String]) -> Result<Scaling, ()> {
                     return Err(());
                 }
                 let all =
-                    (0..size as usize).map(|k| number(&format!("Polynomial_Coefficients[{k}]")));
+                    (0..index(size)).map(|k| number(&format!("Polynomial_Coefficients[{k}]")));
                 let all: Option<Vec<f64>> = all.collect();
                 (all.ok_or(())?, number("Polynomial_Input_Source"))
             }

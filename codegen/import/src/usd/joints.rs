@@ -232,8 +232,8 @@ impl<'a> Reading<'a, '_, '_> {
             && friction.value.parse() != Ok(0.0)
         {
             let text = "friction that PhysX takes as a part of the force in the joint is no effort, and left out: {}";
-            let log = &mut self.fields.log;
-            log.note_each(friction.place, text, &format!("'{}'", part.name));
+            let item = format!("'{}'", part.name);
+            self.fields.log.note_each(friction.place, text, &item);
         }
     }
 

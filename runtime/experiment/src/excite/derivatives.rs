@@ -149,7 +149,7 @@ where
                     }
                 }
             }
-            self.fill_jerks(&grid, g, row.at(y), &own, slopes)?;
+            self.fill_jerks(&grid, g, &row.at(y), &own, slopes)?;
             if is_sample {
                 row.pull(&by_state, &mut gradient);
             }
@@ -324,9 +324,8 @@ where
             let number = match limit.quantity {
                 Quantity::Position => None,
                 Quantity::Velocity => motion.qd.get(limit.index()),
-                Quantity::Acceleration => motion.qdd.get(limit.index()),
                 Quantity::Jerk if !self.is_jerk_of_loop(limit) => None,
-                Quantity::Jerk => motion.qdd.get(limit.index()),
+                Quantity::Acceleration | Quantity::Jerk => motion.qdd.get(limit.index()),
                 Quantity::Effort => motion.efforts.get(limit.index()),
                 Quantity::SwingLimit => motion.cones.get(limit.index()),
                 Quantity::Singularity => Some(&motion.pivot),
@@ -354,7 +353,7 @@ where
         &self,
         grid: &Grid,
         g: usize,
-        independent: [Vec<f64>; ORDERS],
+        independent: &[Vec<f64>; ORDERS],
         near: &[bool],
         slopes: &mut [f64],
     ) -> Result<(), SizeError> {
@@ -366,7 +365,7 @@ where
         let step = self.space.shortest() * JERK_STEP;
         let mut rates = vec![Vec::new(); 2];
         for (rates, h) in rates.iter_mut().zip([-step, step]) {
-            *rates = self.acceleration_rates(grid, g, &independent, h)?;
+            *rates = self.acceleration_rates(grid, g, independent, h)?;
         }
         let [before, after] = &rates[..] else {
             return Ok(());

@@ -274,9 +274,16 @@ mod tests {
                     for (found, known) in at.iter().zip(known) {
                         assert!((found[c] - known).abs() < 1e-12, "{step} {c}");
                     }
+                    // the jerk, by a difference whose error is of the square of its step
+                    let beside = [-1e-4, 1e-4].map(|h| series.at(c, step as f64 / 1.4 + h)[2]);
+                    let jerk = (beside[1] - beside[0]) / 2e-4;
+                    assert!(
+                        (at[3][c] - jerk).abs() < 1e-5 * (1.0 + jerk.abs()),
+                        "{step} {c}"
+                    );
                 }
             }
-            let [_, qd, qdd] = space.row(0, 7).at(&y);
+            let [_, qd, qdd, _] = space.row(0, 7).at(&y);
             let moves = qd.iter().chain(&qdd).any(|x| x.abs() > 1e-12);
             assert_eq!(moves, !at_rest);
         }
@@ -286,7 +293,7 @@ mod tests {
     fn derivatives_by_the_variables_are_those_of_the_rows() {
         let space = Space::new(0.2, 3, &[0.5, 2.0], &[None, None], true);
         let row = space.row(2, 9);
-        let slope = [1.0, -2.0, 0.5, 0.25, 3.0, 0.125];
+        let slope = [1.0, -2.0, 0.5, 0.25, 3.0, 0.125, -1.0, 0.75];
         let mut pulled = vec![0.0; space.size()];
         row.pull(&slope, &mut pulled);
         let y: Vec<f64> = (0..space.size()).map(|k| libm::cos(k as f64)).collect();

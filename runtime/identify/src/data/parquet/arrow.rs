@@ -71,7 +71,7 @@ fn followed(bytes: &[u8], at: usize) -> Option<usize> {
     at.checked_add(number(bytes, at)? as usize)
 }
 
-impl<'a> Table<'a> {
+impl Table<'_> {
     /// The place of a field; `None` where it has its default value.
     fn field(self, k: usize) -> Option<usize> {
         let back = number(self.bytes, self.at)?.cast_signed();
