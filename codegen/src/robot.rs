@@ -35,9 +35,9 @@ pub struct JointInfo {
     pub motion: MotionKind,
     /// The friction model.
     pub friction: Friction,
-    /// Lower and upper limits of position, velocity, acceleration and effort, where given; rad or m
-    /// and s, effort in N m or N.
-    pub limits: [Option<[f64; 2]>; 4],
+    /// Lower and upper limits of position, velocity, acceleration, jerk and effort, where given; rad
+    /// or m and s, effort in N m or N.
+    pub limits: [Option<[f64; 2]>; 5],
     /// Nominal values of the friction model's parameters, in the order of [`Friction::symbols`].
     pub nominal: [Option<f64>; 5],
     /// How far the coordinate moves if its joint turns by 1 rad, and if it slides by 1 m. For a drive,
@@ -138,6 +138,7 @@ pub fn joints(spec: &Spec, model: &Model) -> Vec<JointInfo> {
                 interval(&joint.limits.position),
                 interval(&joint.limits.velocity),
                 interval(&joint.limits.acceleration),
+                interval(&joint.limits.jerk),
                 interval(&joint.limits.effort),
             ],
             nominal: std::array::from_fn(|k| {

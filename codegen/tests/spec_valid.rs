@@ -56,7 +56,7 @@ limbs:
     joints:
       - {name: q1, type: revolute, axis: y, dh: {alpha: pi/2, d: 2*r}, body: torso, actuated: true,
          friction: asymmetric, rotor_inertia: true, nominal: {Fv: 2, Fc+: 3, Fc-: 4, J: 0.1},
-         limits: {position: [-pi, pi], velocity: [-1, 1], acceleration: [-2, 2], effort: [-3, 3]}}
+         limits: {position: [-pi, pi], velocity: [-1, 1], acceleration: [-2, 2], jerk: [-9, 9], effort: [-3, 3]}}
       - {type: fixed, origin: {xyz: [0, 0, 1], rpy: [0, 0, deg(90)]}, body: 01}
   - name: arm
     from: torso

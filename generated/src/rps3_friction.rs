@@ -111,14 +111,14 @@ pub const HOME: [f64; 9] = [
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 9] = [
     Joint { limits: Limits { position: Some([-0.6, 0.6]), velocity: Some([-2.0, 2.0]), ..Limits::NONE }, ..Joint::ROTATION },
-    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::TRANSLATION },
+    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]), ..Limits::NONE }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::TRANSLATION },
     Joint::ROTATION,
     Joint::ROTATION,
     Joint::ROTATION,
     Joint { limits: Limits { position: Some([-0.6, 0.6]), velocity: Some([-2.0, 2.0]), ..Limits::NONE }, ..Joint::ROTATION },
-    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::TRANSLATION },
+    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]), ..Limits::NONE }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::TRANSLATION },
     Joint { limits: Limits { position: Some([-0.6, 0.6]), velocity: Some([-2.0, 2.0]), ..Limits::NONE }, ..Joint::ROTATION },
-    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::TRANSLATION },
+    Joint { friction: Friction::Linear, limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]), ..Limits::NONE }, nominal: [Some(3272.0), Some(228.0), None, None, None], ..Joint::TRANSLATION },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [SwingLimit<'static>; 3] = [

@@ -30,6 +30,8 @@ pub struct Limits {
     pub velocity: Option<[f64; 2]>,
     /// Limits of the acceleration, rad/s^2 or m/s^2.
     pub acceleration: Option<[f64; 2]>,
+    /// Limits of the jerk, the rate of the acceleration, rad/s^3 or m/s^3.
+    pub jerk: Option<[f64; 2]>,
     /// Limits of the effort, N m or N.
     pub effort: Option<[f64; 2]>,
 }
@@ -140,6 +142,7 @@ impl Limits {
         position: None,
         velocity: None,
         acceleration: None,
+        jerk: None,
         effort: None,
     };
 }

@@ -53,19 +53,23 @@ fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
         Criterion::Determinant,
         Criterion::SmallestSingular,
     ] {
-        let settings = Settings {
+        let mut settings = Settings {
             criterion,
             samples: 20,
             deviations: vec![1.0, 2.0, 3.0],
             at_rest: criterion == Criterion::Condition,
             ..settings()
         };
+        for limits in &mut settings.limits {
+            limits.jerk = Some([-3.0, 3.0]);
+        }
         let mut problem = ScaledProblem::new(&Rps3, &Rps3, &settings).unwrap();
         let kinds = problem.limits().iter().map(|limit| limit.quantity);
         for quantity in [
             Quantity::Position,
             Quantity::Velocity,
             Quantity::Acceleration,
+            Quantity::Jerk,
             Quantity::Effort,
             Quantity::SwingLimit,
             Quantity::Singularity,
@@ -177,6 +181,66 @@ fn a_trajectory_respects_every_limit_between_samples_and_starts_at_rest() {
         .map(|m| m.relative_distance)
         .fold(1.0, f64::min);
     assert!(stated >= 0.0 && stated <= nearest);
+}
+
+/// The largest jerk of each coordinate at many times, from differences of the accelerations of closed
+/// states.
+fn jerks(found: &Excitation, frequency: f64) -> Vec<f64> {
+    let steps = 2000_u16;
+    let h = 1e-4;
+    let mut closure = LoopClosure::new(&Rps3).unwrap();
+    let mut accelerations = |time: f64| {
+        let motion = [0, 1, 2].map(|c| found.series.at(c, time));
+        let part = |order: usize| motion.map(|m| m[order]);
+        let state = closure.track_state(&part(0), &part(1), &part(2));
+        state.expect("finite").qdd
+    };
+    let mut most = vec![0.0_f64; Model::<f64>::info(&Rps3).coordinates.len()];
+    for step in 0..steps {
+        let time = f64::from(step) / f64::from(steps) / frequency;
+        let [before, after] = [time - h, time + h].map(&mut accelerations);
+        for (most, (a, b)) in most.iter_mut().zip(before.iter().zip(&after)) {
+            *most = most.max((b - a).abs() / (2.0 * h));
+        }
+    }
+    most
+}
+
+#[test]
+fn limits_of_jerks_hold_at_all_times_for_coordinates_of_loops_too_and_cost_no_more_than_they_must()
+{
+    let free = settings();
+    let without = jerks(&found(search(&free, false)), free.frequency);
+    let mut limited = settings();
+    for (limits, most) in limited.limits.iter_mut().zip(&without) {
+        limits.jerk = Some([-0.5 * most, 0.5 * most]);
+    }
+    let found = found(search(&limited, false));
+    let mut used = 0.0_f64;
+    for (c, (most, before)) in jerks(&found, free.frequency)
+        .iter()
+        .zip(&without)
+        .enumerate()
+    {
+        let part = most / (0.5 * before);
+        // differences of accelerations are off by the square of their step
+        assert!(part <= 1.0 + 1e-5, "{c}: {part}");
+        used = used.max(part);
+        let stated = found.margins.iter().filter(|margin| {
+            margin.limit.quantity == Quantity::Jerk && margin.limit.name == info_name(c)
+        });
+        let stated = stated.map(|margin| margin.relative_distance);
+        let least = stated.fold(f64::INFINITY, f64::min);
+        assert!(
+            least <= 1.0 - part + 1e-5 && least > 0.9 - part,
+            "{c}: {least} {part}"
+        );
+    }
+    assert!(used > 0.9, "{used}");
+}
+
+fn info_name(coordinate: usize) -> &'static str {
+    Model::<f64>::info(&Rps3).coordinates[coordinate]
 }
 
 #[test]

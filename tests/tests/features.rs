@@ -328,16 +328,17 @@ fn every_value_for_simulation_is_read() {
             .as_deref(),
         Some("an arm")
     );
-    let limits = "body: 2, limits: {position: [-1, 1], velocity: [-2, 2], acceleration: [-3, 3], effort: [-4, 4]}";
+    let limits = "body: 2, limits: {position: [-1, 1], velocity: [-2, 2], acceleration: [-3, 3], jerk: [-5, 5], effort: [-4, 4]}";
     let limits = joint(&with("body: 2", limits)).limits;
     let upper = [
         limits.position,
         limits.velocity,
         limits.acceleration,
         limits.effort,
+        limits.jerk,
     ]
     .map(|l| l.unwrap()[1].value.to_f64());
-    assert_eq!(upper.map(|x| x.round() as i32), [1, 2, 3, 4]);
+    assert_eq!(upper.map(|x| x.round() as i32), [1, 2, 3, 4, 5]);
     for kind in ["spherical", "universal"] {
         let text = format!("q2, limits: {{cone: 0.6}}, type: {kind}");
         let cone = joint(&with("q2, type: revolute", &text)).limits.cone;

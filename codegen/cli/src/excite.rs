@@ -160,6 +160,7 @@ fn settings(args: &ExciteArgs, info: &Info<'_>) -> Result<Settings, Failure> {
             "position" => &mut limits.position,
             "velocity" => &mut limits.velocity,
             "acceleration" => &mut limits.acceleration,
+            "jerk" => &mut limits.jerk,
             _ => &mut limits.effort,
         };
         *slot = Some(given.range);

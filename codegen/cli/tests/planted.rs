@@ -200,6 +200,9 @@ fn what_is_planted_into_a_robot_file_is_told_by_import() {
     }
 }
 
+/// The schema of Arrow of a log whose `q1` has the metadata `unit=deg` and `oddity=50`, as pyarrow 26 writes it.
+const FIELDS: &str = "/////2gBAAAQAAAAAAAKAAwABgAFAAgACgAAAAABBAAMAAAACAAIAAAABAAIAAAABAAAAAMAAADUAAAARAAAABQAAAAQABQACAAGAAcADAAAABAAEAAAAAAAAQMQAAAAGAAAAAQAAAAAAAAABgAAAHRhdV9xMQAAGv///wAAAgCG////AAABAxQAAABoAAAACAAAABAAAAAAAAAAAgAAAHExAAACAAAAKAAAAAQAAAB4////EAAAAAQAAAACAAAANTAAAAYAAABvZGRpdHkAAJj///8QAAAABAAAAAMAAABkZWcABAAAAHVuaXQAAAYABgAEAAYAAAACABIAGAAIAAYABwAMAAAAEAAUABIAAAAAAAEDFAAAAEwAAAAIAAAAEAAAAAAAAAABAAAAdAAAAAEAAAAMAAAACAAMAAQACAAIAAAAEAAAAAQAAAABAAAAcwAAAAQAAAB1bml0AAAGAAgABgAGAAAAAAACAAAAAAA=";
+
 /// The rows of the logs.
 const ROWS: usize = 100;
 
@@ -246,6 +249,24 @@ fn texts() -> Vec<Plant> {
             "3.csv",
             with("q1", "q1 [furlong]"),
             "units that are not known here, whose columns are read as SI: `furlong` of `q1 [furlong]`",
+        ),
+        (
+            "CSV",
+            "6.csv",
+            format!("# oddity: 50\n{}", csv("", "")).into_bytes(),
+            "no column: `# oddity: 50` (it is a line without a row, which is not applied to numbers)",
+        ),
+        (
+            "CSV",
+            "7.csv",
+            format!("{}# oddity: 50\n", csv("", "")).into_bytes(),
+            "no column: `# oddity: 50` (it is a line without a row, which is not applied to numbers)",
+        ),
+        (
+            "CSV",
+            "8.csv",
+            format!("Controller,oddity 3\n\n{}", csv("", "")).into_bytes(),
+            "no column: `Controller,oddity 3` (it is a line without a row",
         ),
         (
             "CSV",
@@ -496,7 +517,7 @@ fn labview() -> Vec<Plant> {
 
 fn measurements() -> Vec<Plant> {
     // time, position, effort, and another channel with a conversion, a unit and flags
-    let with = |kind: Option<u8>, unit: &str, flags: u32, has_clock: bool| {
+    let with = |kind: Option<u8>, unit: &str, flags: u32, has_clock: bool, comment: &str| {
         let mut columns = pendulum().map(|own| own.1).to_vec();
         columns.push(drift());
         let rows: Vec<Vec<f64>> = (0..ROWS)
@@ -504,14 +525,20 @@ fn measurements() -> Vec<Plant> {
             .collect();
         mdf(|blocks: &mut Mdf| {
             let conversion = kind.map_or(0, |kind| blocks.conversion(kind));
-            let unit = blocks.text(unit);
-            let oddity = blocks.channel((0, "oddity"), 24, [conversion, 0], flags);
-            let tau = blocks.channel((oddity, "tau_q1"), 16, [0; 2], 0);
-            let q = blocks.channel((tau, "q1"), 8, [0, unit], 0);
-            let t = blocks.channel((q, "t"), 0, [0; 2], 0);
+            let mut xml = |text: &str| blocks.add(*b"##MD", &[], text.as_bytes());
+            let comment = xml(comment);
+            let unit = if unit.starts_with('<') {
+                xml(unit)
+            } else {
+                blocks.text(unit)
+            };
+            let oddity = blocks.channel((0, "oddity"), 24, [conversion, 0, 0], flags);
+            let tau = blocks.channel((oddity, "tau_q1"), 16, [0; 3], 0);
+            let q = blocks.channel((tau, "q1"), 8, [0, unit, comment], 0);
+            let t = blocks.channel((q, "t"), 0, [0; 3], 0);
             let slow = if has_clock {
-                let heat = blocks.channel((0, "heat"), 8, [0; 2], 0);
-                let t = blocks.channel((heat, "t"), 0, [0; 2], 0);
+                let heat = blocks.channel((0, "heat"), 8, [0; 3], 0);
+                let t = blocks.channel((heat, "t"), 0, [0; 3], 0);
                 blocks.group(
                     0,
                     "slow",
@@ -525,9 +552,33 @@ fn measurements() -> Vec<Plant> {
         })
     };
     // the fifth link of the header
-    let mut marked = with(None, "rad", 0, false);
+    let mut marked = with(None, "rad", 0, false, "");
     marked[120..128].copy_from_slice(&64_u64.to_le_bytes());
     vec![
+        (
+            "MDF",
+            "7.mf4",
+            with(
+                None,
+                "rad",
+                0,
+                false,
+                "<CNcomment><TX>minus &amp; 50</TX></CNcomment>",
+            ),
+            "no column: `minus & 50` (a comment of arm/q1, which is not applied to numbers)",
+        ),
+        (
+            "MDF",
+            "8.mf4",
+            with(
+                None,
+                "<CNunit><TX>furlong</TX></CNunit>",
+                0,
+                false,
+                "<CNcomment><TX/></CNcomment>",
+            ),
+            "read as SI: `furlong` of `arm/q1`",
+        ),
         (
             "MDF",
             "6.mf4",
@@ -537,31 +588,31 @@ fn measurements() -> Vec<Plant> {
         (
             "MDF",
             "1.mf4",
-            with(Some(3), "rad", 0, false),
+            with(Some(3), "rad", 0, false, ""),
             "no column: `arm/oddity` (its conversion is a formula)",
         ),
         (
             "MDF",
             "2.mf4",
-            with(Some(9), "rad", 0, false),
+            with(Some(9), "rad", 0, false, ""),
             "no column: `arm/oddity` (its conversion is to or from text)",
         ),
         (
             "MDF",
             "3.mf4",
-            with(None, "furlong", 0, false),
+            with(None, "furlong", 0, false, ""),
             "read as SI: `furlong` of `arm/q1`",
         ),
         (
             "MDF",
             "4.mf4",
-            with(None, "rad", 1, false),
+            with(None, "rad", 1, false, ""),
             "no column: `arm/oddity` (the file says that none of its values is valid)",
         ),
         (
             "MDF",
             "5.mf4",
-            with(None, "rad", 0, true),
+            with(None, "rad", 0, true, ""),
             "the columns have 2 clocks, and are joined by time: `arm/t`, `slow/t`",
         ),
     ]
@@ -712,8 +763,16 @@ fn what_is_planted_into_a_log_is_told_by_inspect() {
             "4.parquet",
             &[],
             &[],
-            &["oddity"],
+            &[("oddity", "1")],
             "no column: `oddity` (it is metadata of the file, which is not applied to numbers)",
+        ),
+        // metadata of fields, as Arrow keeps it
+        (
+            "5.parquet",
+            &[],
+            &[],
+            &[("ARROW:schema", FIELDS)],
+            "no column: `oddity` (it is metadata of the column q1, which is not applied to numbers)",
         ),
     ] {
         parquet(&dir.join(name), &pendulum(), words, lists, metadata);
@@ -728,7 +787,7 @@ fn what_is_planted_into_a_log_is_told_by_inspect() {
         &[&pendulum()[..], &[("oddity", drift())]].concat(),
         &[],
         &[],
-        &["pandas"],
+        &[("pandas", "1")],
     );
     let odd = ("Parquet", "3.parquet", Vec::new(), "4 oddity unknown");
     assert_told(&dir, &["inspect", "3.parquet"], &odd);
@@ -754,6 +813,13 @@ fn what_is_planted_into_a_log_is_told_by_inspect() {
     assert_told(&dir, &words, &of_fields);
     // efforts of a joint that the robot lacks
     fs::write(dir.join("spec.yaml"), SPEC).unwrap();
+    let of_arrow = (
+        "Parquet",
+        "5.parquet",
+        Vec::new(),
+        "its file states that `q1` is in deg",
+    );
+    assert_told(&dir, &["identify", "spec.yaml", "5.parquet"], &of_arrow);
     let other = csv("tau_oddity", "2.5").replacen("2.5\n", "-2.5\n", ROWS / 2);
     let other = (
         "CSV",

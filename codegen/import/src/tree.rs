@@ -119,6 +119,7 @@ pub(crate) struct Joint {
     pub(crate) position: Option<[f64; 2]>,
     pub(crate) velocity: Option<f64>,
     pub(crate) acceleration: Option<f64>,
+    pub(crate) jerk: Option<f64>,
     pub(crate) effort: Option<[f64; 2]>,
     /// Viscous friction, N m s/rad or N s/m.
     pub(crate) damping: f64,
@@ -146,6 +147,7 @@ impl Joint {
             position: None,
             velocity: None,
             acceleration: None,
+            jerk: None,
             effort: None,
             damping: 0.0,
             friction: 0.0,

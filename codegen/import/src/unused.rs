@@ -68,6 +68,13 @@ const KINEMATIC: [&str; 23] = [
     "linkage",
 ];
 
+/// The name of a property without the schema of PhysX that it belongs to, which has joints in its name.
+fn of_joint(name: &str) -> &str {
+    let schema = ["physxJoint:", "physxJointAxis:", "physxMimicJoint:"];
+    let found = schema.iter().find_map(|own| name.strip_prefix(own));
+    found.unwrap_or(name)
+}
+
 /// Notes what was not used of an element, and records errors for names that may be kinematic.
 ///
 /// - `rows`: what of the format has no effect on the dynamics.
@@ -142,7 +149,7 @@ impl<'a> Reporter<'a> {
         let (place, name) = (attribute.place, attribute.name.as_str());
         if row.is_some_and(|row| row.has(name)) {
             self.idle(place, &format!("{name} of <{}>", within.tag));
-        } else if is_kinematic(name) {
+        } else if is_kinematic(of_joint(name)) {
             self.refuse(place, name, &within.tag);
         } else {
             let about = format!("not used in <{}>: {{}}", within.tag);

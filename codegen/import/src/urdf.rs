@@ -405,6 +405,7 @@ fn limits(limit: &Element, limited: bool, joint: &mut Joint, fields: &mut Fields
     joint.velocity = value("velocity").filter(|v| *v > 0.0);
     let acceleration = value("acceleration").or_else(|| value("drake:acceleration"));
     joint.acceleration = acceleration.filter(|a| *a > 0.0);
+    joint.jerk = value("jerk").filter(|j| *j > 0.0);
     let effort = value("effort").filter(|e| *e > 0.0);
     joint.effort = effort.map(|e| [-e, e]);
     if !limited {

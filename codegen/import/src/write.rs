@@ -268,6 +268,9 @@ fn joint_fields(
     if let Some(most) = from.acceleration {
         limits.push(("acceleration", list(&[-most, most].map(figure))));
     }
+    if let Some(most) = from.jerk {
+        limits.push(("jerk", list(&[-most, most].map(figure))));
+    }
     if let Some(effort) = from.effort {
         limits.push(("effort", list(&effort.map(number))));
     }

@@ -460,6 +460,19 @@ fn a_layer_of_identified_values_has_them_where_it_is_read_again() {
 }
 
 #[test]
+fn friction_of_physx_that_is_no_effort_is_told_and_its_other_properties_of_joints_tie_nothing() {
+    let own = "  float physxJoint:jointFriction = 0.1\n  float physxJoint:oddity = 1\n";
+    let q = joint("Revolute", "q", ["", "a"], [0.0; 2], 0.0, own);
+    let found = imported(&stage(&(body("a", 0.1, 1.0, "") + &q)));
+    let notes = notes(&found);
+    assert_has(&notes, "is no effort, and left out: 'q'");
+    assert_has(
+        &notes,
+        "not used in <PhysicsRevoluteJoint>: physxJoint:oddity",
+    );
+}
+
+#[test]
 fn limits_of_a_general_joint_are_those_of_its_free_direction() {
     let locked = ["transX", "transY", "transZ", "rotX", "rotZ"].map(|own| {
         format!("  float limit:{own}:physics:low = 1\n  float limit:{own}:physics:high = -1\n")

@@ -292,7 +292,7 @@ fn law(friction: spec::Friction) -> Friction {
 
 /// Converts a joint to the runtime's type.
 fn runtime_joint(joint: &JointInfo) -> Joint {
-    let [position, velocity, acceleration, effort] = joint.limits;
+    let [position, velocity, acceleration, jerk, effort] = joint.limits;
     Joint {
         motion: match joint.motion {
             MotionKind::Rotation => Motion::Rotation,
@@ -303,6 +303,7 @@ fn runtime_joint(joint: &JointInfo) -> Joint {
             position,
             velocity,
             acceleration,
+            jerk,
             effort,
         },
         nominal: joint.nominal,

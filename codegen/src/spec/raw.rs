@@ -222,6 +222,8 @@ record! {
         optional velocity: [Scalar; 2],
         /// Lowest and highest acceleration, rad/s^2 or m/s^2
         optional acceleration: [Scalar; 2],
+        /// Lowest and highest jerk, rad/s^3 or m/s^3
+        optional jerk: [Scalar; 2],
         /// Lowest and highest effort, N m or N
         optional effort: [Scalar; 2],
         /// Greatest angle between the z axes before and after a spherical or universal joint, rad
@@ -327,6 +329,7 @@ impl RawJoint {
                 &limits.position,
                 &limits.velocity,
                 &limits.acceleration,
+                &limits.jerk,
                 &limits.effort,
             ];
             all.extend(intervals.into_iter().flatten().flatten());

@@ -313,16 +313,24 @@ impl Resolver<'_> {
     }
 
     fn limits(&mut self, raw: &RawLimits) -> Option<Limits> {
-        let intervals = [&raw.position, &raw.velocity, &raw.acceleration, &raw.effort];
-        let [position, velocity, acceleration, effort] = intervals.map(|interval| match interval {
+        let intervals = [
+            &raw.position,
+            &raw.velocity,
+            &raw.acceleration,
+            &raw.jerk,
+            &raw.effort,
+        ];
+        let intervals = intervals.map(|interval| match interval {
             Some(interval) => self.interval(interval).map(Some),
             None => Some(None),
         });
+        let [position, velocity, acceleration, jerk, effort] = intervals;
         let cone = self.cone(raw.cone.as_ref());
         Some(Limits {
             position: position?,
             velocity: velocity?,
             acceleration: acceleration?,
+            jerk: jerk?,
             effort: effort?,
             cone: cone.ok()?,
         })

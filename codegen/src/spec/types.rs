@@ -300,6 +300,8 @@ pub struct Limits {
     pub velocity: Option<Interval>,
     /// Acceleration, rad/s^2 or m/s^2.
     pub acceleration: Option<Interval>,
+    /// Jerk, the rate of the acceleration, rad/s^3 or m/s^3.
+    pub jerk: Option<Interval>,
     /// Effort, N m or N.
     pub effort: Option<Interval>,
     /// Greatest swing angle, rad: between the z axes of the two frames that a spherical or

@@ -3,7 +3,7 @@
 use flate2::read::ZlibDecoder;
 use std::collections::BTreeSet;
 
-use crate::array::{Array, Container, Found, require_few};
+use crate::array::{Array, Container, Found, Remarks, require_few};
 use crate::error::{Read, broken, refused};
 use crate::input::{Fields, Input, exactly, text};
 use crate::number::{Kind, Stored, signed};
@@ -17,6 +17,9 @@ const HEADER: u64 = 64;
 const MAX_BLOCKS: usize = 100_000;
 /// The largest size of the numbers of a conversion, and of a text, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
+
+/// The number of characters of a comment that are shown.
+const MAX_SHOWN: usize = 60;
 
 /// The largest number of bytes of records for each byte of the file, which compression has.
 const MAX_EXPANSION: u64 = 1100;
@@ -73,16 +76,33 @@ fn block(input: &mut Input, at: u64, wanted: [u8; 4]) -> Read<Block> {
     })
 }
 
-/// The text at an address; empty without one, or where it is none.
+/// The text at an address, or that of the first `<TX>` of an XML text; empty without one, or where it is none.
 fn name(input: &mut Input, at: Option<u64>) -> Read<String> {
     let Some(at) = at else {
         return Ok(String::new());
     };
     let (kind, length, _) = head(input, at)?;
-    if kind != *b"##TX" || length > MAX_BYTES {
+    if !matches!(&kind, b"##TX" | b"##MD") || length > MAX_BYTES {
         return Ok(String::new());
     }
-    Ok(text(&input.bytes(at + 24, length - 24)?))
+    let all = text(&input.bytes(at + 24, length - 24)?);
+    if kind == *b"##TX" {
+        return Ok(all);
+    }
+    let within = all.split_once("<TX").and_then(|own| own.1.split_once('>'));
+    let within = within.filter(|own| !own.0.ends_with('/'));
+    let within = within.and_then(|own| own.1.split_once("</TX>"));
+    let mut found = within.map_or_else(String::new, |own| own.0.trim().to_owned());
+    for (entity, sign) in [
+        ("&lt;", "<"),
+        ("&gt;", ">"),
+        ("&quot;", "\""),
+        ("&apos;", "'"),
+        ("&amp;", "&"),
+    ] {
+        found = found.replace(entity, sign);
+    }
+    Ok(found)
 }
 
 /// How the number in a record becomes the quantity.
@@ -388,6 +408,7 @@ struct Reader<'a> {
     mdf: Mdf,
     arrays: Vec<Array>,
     unread: Vec<(String, String)>,
+    comments: Remarks,
     blocks: usize,
 }
 
@@ -447,6 +468,8 @@ impl Reader<'_> {
                 flags: bytes,
                 rows,
             });
+            self.comment(group.link(5), &title)?;
+            self.source(group.link(3), &title)?;
             let mut channel = group.link(1);
             while let Some(at) = channel {
                 self.count()?;
@@ -458,9 +481,32 @@ impl Reader<'_> {
         Ok(())
     }
 
+    /// Keeps what a person wrote about a channel, a group or the file.
+    fn comment(&mut self, at: Option<u64>, of: &str) -> Read<()> {
+        let comment = name(self.input, at)?;
+        let mut words = comment.split_whitespace().collect::<Vec<_>>().join(" ");
+        if words.chars().count() > MAX_SHOWN {
+            words = words.chars().take(MAX_SHOWN).chain("..".chars()).collect();
+        }
+        // the second is what asammdf writes by itself
+        if !matches!(&*words, "" | "Python") {
+            self.comments.add(&words, of);
+        }
+        Ok(())
+    }
+
+    /// Keeps what a person wrote about a source of signals.
+    fn source(&mut self, at: Option<u64>, of: &str) -> Read<()> {
+        let Some(at) = at else { return Ok(()) };
+        let source = block(self.input, at, *b"##SI")?;
+        self.comment(source.link(2), of)
+    }
+
     fn channel(&mut self, own: &Block, group: usize, title: &str) -> Read<()> {
         let name = name(self.input, own.link(2))?;
         let path = format!("{title}/{name}");
+        self.comment(own.link(7), &path)?;
+        self.source(own.link(3), &path)?;
         let (record, bytes, rows) = {
             let own = &self.mdf.groups[group];
             (own.record, own.flags, own.rows)
@@ -575,6 +621,7 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
         },
         arrays: Vec::new(),
         unread: Vec::new(),
+        comments: Remarks::default(),
         blocks: 0,
     };
     let head = block(reader.input, HEADER, *b"##HD")?;
@@ -584,13 +631,16 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
             reader.unread.push((name.to_owned(), why));
         }
     }
+    reader.comment(head.link(5), "")?;
     let mut next = head.link(0);
     while let Some(at) = next {
         reader.count()?;
         let own = block(reader.input, at, *b"##DG")?;
         next = own.link(0);
+        reader.comment(own.link(3), "")?;
         reader.data_group(&own)?;
     }
+    reader.comments.tell("a comment", &mut reader.unread);
     Ok(Found {
         arrays: reader.arrays,
         unread: reader.unread,

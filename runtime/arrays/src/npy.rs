@@ -110,6 +110,8 @@ struct Field {
     offset: usize,
     /// How it is stored; `None` for what is no number.
     stored: Option<Stored>,
+    /// The unit of a date or a span of time, s, as a whole number over another, and whether it is a date.
+    clock: Option<([f64; 2], bool)>,
     /// The sizes of the field's own axes.
     axes: Vec<u64>,
 }
@@ -122,6 +124,36 @@ struct Header {
     record: usize,
     columns_first: bool,
     shape: Vec<u64>,
+}
+
+/// The unit of the dates of a type such as `<M8[ns]`, or of its spans of time, `m8`, s, as a whole number over another,
+/// and whether it has dates.
+fn clock(descr: &str) -> Option<([f64; 2], bool)> {
+    let descr = descr.trim_start_matches(['<', '>', '|', '=']);
+    let is_date = descr.starts_with('M');
+    let (_, unit) = descr
+        .strip_prefix(['M', 'm'])?
+        .strip_suffix(']')?
+        .split_once('[')?;
+    let letters = unit.trim_start_matches(|digit: char| digit.is_ascii_digit());
+    let count = unit.strip_suffix(letters)?;
+    let count: f64 = if count.is_empty() {
+        1.0
+    } else {
+        count.parse().ok()?
+    };
+    let (unit, parts) = match letters {
+        "W" => (604_800.0, 1.0),
+        "D" => (86_400.0, 1.0),
+        "h" => (3600.0, 1.0),
+        "m" => (60.0, 1.0),
+        "s" => (1.0, 1.0),
+        "ms" => (1.0, 1e3),
+        "us" => (1.0, 1e6),
+        "ns" => (1.0, 1e9),
+        _ => return None,
+    };
+    Some(([count * unit, parts], is_date))
 }
 
 /// The size of a type, and how numbers of it are stored if it is one.
@@ -155,10 +187,14 @@ fn fields(
     match descr {
         Value::Text(text) => {
             let (size, stored) = plain(text)?;
+            let clock = clock(text).filter(|_| axes.is_empty());
+            let is_clock = text.contains('[');
             out.push(Field {
                 name: name.to_owned(),
                 offset: *offset,
-                stored,
+                // months and years have no length
+                stored: stored.filter(|_| clock.is_some() || !is_clock),
+                clock,
                 axes: axes.to_vec(),
             });
             let count = axes.iter().try_fold(1_u64, |all, n| all.checked_mul(*n))?;
@@ -250,11 +286,16 @@ impl Header {
             offset,
             stored: Some(stored),
             axes,
+            clock,
             ..
         }) = self.fields.get(field)
         else {
             return refused("it has no numbers");
         };
+        if let Some((unit, is_date)) = clock {
+            let records = bytes.chunks_exact(self.record.max(1));
+            return times(records, *offset, *stored, *unit, *is_date);
+        }
         if axes.is_empty() {
             return of_records(bytes, self.record, *offset, *stored);
         }
@@ -287,6 +328,8 @@ impl Header {
             shape.extend(&field.axes);
             add(
                 Array {
+                    is_time: field.clock.is_some_and(|own| own.1),
+                    unit: field.clock.map_or("", |_| "s").to_owned(),
                     columns_first: self.columns_first && field.axes.is_empty(),
                     ..Array::new(path, shape)
                 },
@@ -294,6 +337,42 @@ impl Header {
             );
         }
     }
+}
+
+/// Times in s. Dates count from the first one, since those since 1970 in ns have more digits than a number.
+fn times<'a>(
+    records: impl Iterator<Item = &'a [u8]>,
+    offset: usize,
+    stored: Stored,
+    [unit, parts]: [f64; 2],
+    is_date: bool,
+) -> Read<Vec<f64>> {
+    let mut first = None;
+    let mut out = Vec::new();
+    for record in records {
+        let bytes = record.get(offset..).and_then(|own| own.get(..8));
+        let Some(bytes) = bytes.and_then(|own| <[u8; 8]>::try_from(own).ok()) else {
+            return broken("a field is not within its record");
+        };
+        let count = if stored.big {
+            i64::from_be_bytes(bytes)
+        } else {
+            i64::from_le_bytes(bytes)
+        };
+        // NumPy's mark for no time
+        if count == i64::MIN {
+            out.push(f64::NAN);
+            continue;
+        }
+        let from = if is_date {
+            *first.get_or_insert(count)
+        } else {
+            0
+        };
+        let ticks = (i128::from(count) - i128::from(from)) as f64;
+        out.push(ticks * unit / parts);
+    }
+    Ok(out)
 }
 
 /// One array of NumPy.

@@ -290,25 +290,32 @@ impl Table {
     }
 
     /// The index of the column that is called so: by its title, a path that starts with `/`, the
-    /// title without the parts before its last one, if no other column has the same, or the column
-    /// of a matrix whose rows are the columns of the table.
+    /// title without its first parts, if no other column has the same, the column of a matrix whose
+    /// rows are the columns of the table, or the only column of a vector.
     pub fn place(&self, name: &str) -> Option<usize> {
         let name = name.trim_start_matches('/');
         let only = |is_own: &dyn Fn(&str) -> bool| {
             let mut all = (0..self.titles.len()).filter(|k| is_own(&self.titles[*k]));
             all.next().filter(|_| all.next().is_none())
         };
+        let ends = |title: &str, name: &str| {
+            let before = title.strip_suffix(name);
+            before.is_some_and(|before| before.is_empty() || before.ends_with(['.', '/']))
+        };
         let turned = || {
             let inside = name.strip_suffix(']')?;
             let (path, index) = inside.rsplit_once("[:,")?;
             Some(format!("{path}[{index},:]"))
         };
-        only(&|title| title == name)
-            .or_else(|| only(&|title| last_part(title) == name))
-            .or_else(|| {
-                let name = turned()?;
-                only(&|title| title == name).or_else(|| only(&|title| last_part(title) == name))
-            })
+        // the only column of a vector
+        let bare = || name.strip_suffix("[:,0]").map(str::to_owned);
+        let found = |name: &str| {
+            let whole = only(&|title| title == name);
+            whole.or_else(|| only(&|title| ends(title, name)))
+        };
+        found(name)
+            .or_else(|| found(&turned()?))
+            .or_else(|| found(&bare()?))
     }
 
     /// The numbers of some columns.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::array::{Array, Container, Found, Remarks, require_few};
 use crate::error::{Read, broken, refused};
 use crate::input::{Fields, Input, text};
-use crate::number::{Kind, Stored};
+use crate::number::{Kind, Stored, index};
 
 /// The first bytes of a file, and of each segment of it.
 pub(crate) const MAGIC: &[u8] = b"TDSm";
@@ -20,6 +20,10 @@ const DAQMX: &str = "it has raw values of DAQmx: save it again by LabVIEW, or co
 /// Why raw values with a scaling beside them are not read.
 const UNSCALED: &str = "it has raw values, and their scaling is not applied here: save scaled ones, or convert it to CSV \
                         by npTDMS (`TdmsFile(..).as_dataframe().to_csv(..)`)";
+/// The largest number of scalings of a channel, and of coefficients of one.
+const MAX_SCALES: f64 = 100.0;
+/// The number of the raw values among the inputs of scalings.
+const RAW: f64 = 4_294_967_295.0;
 /// A fraction of a second in a time of LabVIEW.
 const FRACTION: f64 = 1.0 / 18_446_744_073_709_551_616.0;
 
@@ -76,6 +80,12 @@ struct Piece {
     kind: Type,
 }
 
+/// What LabVIEW computes of raw values: polynomials, of which each takes what the one before it gives.
+type Scaling = Vec<Vec<f64>>;
+
+/// The properties of scalings, by the path of what has them.
+type Scales = BTreeMap<String, BTreeMap<String, Property>>;
+
 /// A channel.
 #[derive(Clone, Debug, Default)]
 struct Channel {
@@ -94,7 +104,7 @@ struct Channel {
 /// What an array has.
 #[derive(Clone, Debug)]
 enum Place {
-    Values(Vec<Piece>),
+    Values(Vec<Piece>, Scaling),
     /// Times at a step from one on.
     Steps(f64, f64, u64),
 }
@@ -104,8 +114,8 @@ struct Tdms(Vec<Place>);
 
 impl Container for Tdms {
     fn numbers(&self, input: &mut Input, place: usize) -> Read<Vec<f64>> {
-        let pieces = match self.0.get(place) {
-            Some(Place::Values(pieces)) => pieces,
+        let (pieces, scaling) = match self.0.get(place) {
+            Some(Place::Values(pieces, scaling)) => (pieces, scaling),
             Some(Place::Steps(start, step, count)) => {
                 return Ok((0..*count).map(|k| start + step * k as f64).collect());
             }
@@ -122,7 +132,10 @@ impl Container for Tdms {
             let bytes = input.data(piece.at, last * piece.step + size)?;
             let values = bytes.chunks(piece.step as usize);
             match piece.kind {
-                Type::Number(stored) => out.extend(values.map(|own| stored.number(own))),
+                Type::Number(stored) => out.extend(values.map(|own| {
+                    let raw = stored.number(own);
+                    scaling.iter().fold(raw, |x, all| polynomial(all, x))
+                })),
                 Type::Time(big) => {
                     for own in values {
                         let mut fields = Fields::new(own, big);
@@ -141,11 +154,80 @@ impl Container for Tdms {
     }
 }
 
+/// The value of a polynomial, whose constant is the first coefficient; 0 without any.
+fn polynomial(coefficients: &[f64], x: f64) -> f64 {
+    let mut all = coefficients.iter().rev().copied();
+    let last = all.next().unwrap_or(0.0);
+    all.fold(last, |sum, own| own + sum * x)
+}
+
+/// The scaling of a channel, which it has itself, or its group, or the file; `Err` if it has another than
+/// polynomials.
+fn scaling(scales: &Scales, parts: &[String]) -> Result<Scaling, ()> {
+    let own = (0..=parts.len()).rev().find_map(|k| {
+        let own = scales.get(&parts.get(..k)?.join("/"))?;
+        let count = own.get("NI_Number_Of_Scales")?.number()?;
+        (count >= 1.0).then_some((own, count))
+    });
+    let Some((own, count)) = own else {
+        return Ok(Vec::new());
+    };
+    if count > MAX_SCALES {
+        return Err(());
+    }
+    let mut out = Vec::new();
+    // the last one takes what another one gives, and so on, down to the raw values
+    let mut at = count - 1.0;
+    while (out.len() as f64) < count {
+        let of = |name: &str| own.get(&format!("NI_Scale[{at}]_{name}"));
+        let number = |name: &str| of(name).and_then(Property::number);
+        let (coefficients, source) = match of("Scale_Type") {
+            Some(Property::Text(kind)) if kind == "Linear" => (
+                vec![
+                    number("Linear_Y_Intercept").ok_or(())?,
+                    number("Linear_Slope").ok_or(())?,
+                ],
+                number("Linear_Input_Source"),
+            ),
+            Some(Property::Text(kind)) if kind == "Polynomial" => {
+                let size = number("Polynomial_Coefficients_Size").unwrap_or(4.0);
+                if size > MAX_SCALES {
+                    return Err(());
+                }
+                let all =
+                    (0..index(size)).map(|k| number(&format!("Polynomial_Coefficients[{k}]")));
+                let all: Option<Vec<f64>> = all.collect();
+                (all.ok_or(())?, number("Polynomial_Input_Source"))
+            }
+            _ => return Err(()),
+        };
+        out.push(coefficients);
+        match source {
+            Some(source) if source < RAW => at = source,
+            _ => {
+                out.reverse();
+                return Ok(out);
+            }
+        }
+    }
+    Err(())
+}
+
 /// The value of a property.
+#[derive(Debug)]
 enum Property {
     Text(String),
     Number(f64),
     Other,
+}
+
+impl Property {
+    fn number(&self) -> Option<f64> {
+        match self {
+            Self::Number(own) => Some(*own),
+            _ => None,
+        }
+    }
 }
 
 fn property(fields: &mut Fields<'_>, big: bool) -> Read<Property> {
@@ -204,6 +286,7 @@ struct Reader {
     active: Vec<usize>,
     pieces: usize,
     properties: Remarks,
+    scales: Scales,
 }
 
 impl Reader {
@@ -270,10 +353,20 @@ impl Reader {
                     // what LabVIEW writes by itself, and texts for people
                     (
                         "wf_samples" | "wf_start_time" | "wf_xname" | "name" | "title" | "author"
-                        | "description" | "datetime",
+                        | "datetime",
                         _,
                     ) => {}
+                    ("NI_UnitDescription", Property::Text(unit)) if channel.unit.is_empty() => {
+                        channel.unit = unit;
+                    }
+                    (_, value)
+                        if name.starts_with("NI_Scale[") || name == "NI_Number_Of_Scales" =>
+                    {
+                        let of = self.scales.entry(parts(&path).join("/"));
+                        of.or_default().insert(name, value);
+                    }
                     (name, _) if name.starts_with("NI_") => {}
+                    ("description", Property::Text(text)) if text.trim().is_empty() => {}
                     ("wf_xunit_string", Property::Text(unit)) if unit == "s" => {}
                     (name, _) => {
                         self.properties.add(name, &parts(&path).join("/"));
@@ -357,7 +450,16 @@ impl Reader {
             let parts = parts(&path);
             let [group, name] = &parts[..] else { continue };
             let title = format!("{group}/{name}");
-            if let Some(why) = channel.why {
+            let scaling = scaling(&self.scales, &parts);
+            // values that are said to be raw, and how they are scaled is not
+            let is_known = scaling.as_ref().is_ok_and(|all| !all.is_empty());
+            let why = match (channel.why, &scaling) {
+                (Some(UNSCALED), _) if is_known => None,
+                (None, Err(())) => Some(UNSCALED),
+                (why, _) => why,
+            };
+            let scaling = scaling.unwrap_or_default();
+            if let Some(why) = why {
                 unread.push((title, why.to_owned()));
                 continue;
             }
@@ -405,7 +507,7 @@ impl Reader {
                 unit: channel.unit,
                 ..Array::new(title, vec![channel.count])
             });
-            places.push(Place::Values(channel.pieces));
+            places.push(Place::Values(channel.pieces, scaling));
         }
         self.properties.tell("a property", &mut unread);
         Found {
@@ -462,6 +564,60 @@ pub(crate) fn open(input: &mut Input) -> Read<Found> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scalings_are_polynomials_one_behind_the_other_and_those_of_a_group_are_of_its_channels() {
+        let of = |all: &[(&str, Property)]| -> Scales {
+            let copied = all.iter().map(|(name, own)| {
+                let own = match own {
+                    Property::Text(text) => Property::Text(text.clone()),
+                    Property::Number(x) => Property::Number(*x),
+                    Property::Other => Property::Other,
+                };
+                ((*name).to_owned(), own)
+            });
+            Scales::from([("arm".to_owned(), copied.collect())])
+        };
+        let kind = |text: &str| Property::Text(text.to_owned());
+        let mut all = vec![
+            ("NI_Number_Of_Scales", Property::Number(2.0)),
+            ("NI_Scale[0]_Scale_Type", kind("Linear")),
+            ("NI_Scale[0]_Linear_Slope", Property::Number(2.0)),
+            ("NI_Scale[0]_Linear_Y_Intercept", Property::Number(1.0)),
+            ("NI_Scale[0]_Linear_Input_Source", Property::Number(RAW)),
+            ("NI_Scale[1]_Scale_Type", kind("Polynomial")),
+            (
+                "NI_Scale[1]_Polynomial_Coefficients_Size",
+                Property::Number(3.0),
+            ),
+            (
+                "NI_Scale[1]_Polynomial_Coefficients[0]",
+                Property::Number(5.0),
+            ),
+            (
+                "NI_Scale[1]_Polynomial_Coefficients[1]",
+                Property::Number(0.0),
+            ),
+            (
+                "NI_Scale[1]_Polynomial_Coefficients[2]",
+                Property::Number(1.0),
+            ),
+            ("NI_Scale[1]_Polynomial_Input_Source", Property::Number(0.0)),
+        ];
+        let channel = ["arm".to_owned(), "q".to_owned()];
+        let chain = scaling(&of(&all), &channel).unwrap_or_default();
+        // (2 x + 1)^2 + 5
+        let value = chain.iter().fold(3.0, |x, own| polynomial(own, x));
+        assert!((value - 54.0).abs() < 1e-15 && chain.len() == 2, "{value}");
+        let other = ["leg".to_owned(), "q".to_owned()];
+        assert_eq!(scaling(&of(&all), &other), Ok(Vec::new()));
+        // one that takes its own values, and one of another kind
+        all[10].1 = Property::Number(1.0);
+        assert_eq!(scaling(&of(&all), &channel), Err(()));
+        all[1].1 = kind("Thermocouple");
+        all[10].1 = Property::Number(0.0);
+        assert_eq!(scaling(&of(&all), &channel), Err(()));
+    }
 
     #[test]
     fn paths_are_divided_at_their_quotation_marks() {

@@ -413,3 +413,52 @@ fn sparse_matrices_beyond_themselves_or_the_limit_are_told() {
     let found = only("level4", &level4([2.0, 3.0, 1.0, 1.0, 1.5, 0.0]));
     assert_eq!(found, [named("t", &[0.0, 1.5, 0.0])]);
 }
+
+#[test]
+fn dates_of_numpy_are_exact_seconds_from_the_first_one_and_the_time() {
+    let npy = |rows: &[(i64, f64)], kind: &str| {
+        let header = format!(
+            "{{'descr': [('stamp', '{kind}'), ('q', '<f8')], 'fortran_order': False, 'shape': ({},), }}\n",
+            rows.len()
+        );
+        let mut out = b"\x93NUMPY\x01\x00".to_vec();
+        out.extend((header.len() as u16).to_le_bytes());
+        out.extend(header.as_bytes());
+        for (stamp, q) in rows {
+            out.extend(stamp.to_le_bytes());
+            out.extend(q.to_le_bytes());
+        }
+        out
+    };
+    // in 2026, in steps of 2 ms and 1 ns, and a time that is none
+    let since = 1_764_504_000_000_000_001_i64;
+    let rows = [
+        (since, 1.0),
+        (since + 2_000_001, 2.0),
+        (i64::MIN, 3.0),
+        (since - 5, 4.0),
+    ];
+    let found = only("dates.npy", &npy(&rows, "<M8[ns]"));
+    assert_eq!(found[1], named("q", &[1.0, 2.0, 3.0, 4.0]));
+    let bits = |all: &[f64]| all.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!(
+        bits(&found[0].1),
+        bits(&[0.0, 0.002_000_001, f64::NAN, -5e-9])
+    );
+    // spans of time count from 0
+    let found = only("spans.npy", &npy(&[(3, 1.0), (4, 2.0)], "<m8[ms]"));
+    assert_eq!(found[0], named("stamp", &[0.003, 0.004]));
+    let path = std::env::temp_dir().join(format!("regen-made-{}-named.npy", std::process::id()));
+    std::fs::write(&path, npy(&rows, "<M8[25us]")).unwrap();
+    let tables = regen_arrays::open(&path, None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!((tables[0].time(), tables[0].unit(0)), (Some(0), Some("s")));
+    // a vector has a first column
+    assert_eq!(
+        (tables[0].place("q[:,0]"), tables[0].place("q[:,1]")),
+        (Some(1), None)
+    );
+    // months have no length
+    let months = read("months.npy", &npy(&[(3, 1.0), (4, 2.0)], "<M8[M]")).unwrap();
+    assert_eq!(months, [vec![named("q", &[1.0, 2.0])]]);
+}

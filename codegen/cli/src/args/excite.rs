@@ -12,8 +12,8 @@ use super::reading::{PayloadArg, count};
 #[command(after_help = "\
 The independent coordinates follow finite Fourier series (Eq. 25) that make the
 observation matrix of the base parameters well conditioned. The limits are those
-of the spec, changed by --limit and --cone: positions, velocities and
-accelerations of all coordinates, cones of spherical joints, efforts of the
+of the spec, changed by --limit and --cone: positions, velocities, accelerations
+and jerks of all coordinates, cones of spherical joints, efforts of the
 actuators at the nominal parameters, and a distance from singularities. They
 hold over the whole period, between samples too. The loops stay closed on the
 branch of `home`.
@@ -67,7 +67,7 @@ pub(crate) struct ExciteArgs {
     #[arg(long)]
     pub(crate) at_rest: bool,
     /// Replace a limit of the spec: COORDINATE.QUANTITY=LOWEST,HIGHEST, where
-    /// QUANTITY is position, velocity, acceleration or effort (may be repeated)
+    /// QUANTITY is position, velocity, acceleration, jerk or effort (may be repeated)
     #[arg(long, value_name = "LIMIT", allow_hyphen_values = true)]
     pub(crate) limit: Vec<LimitArg>,
     /// Replace a cone of the spec: NAME=ANGLE, in rad, or in degrees as 45deg (may
@@ -147,9 +147,9 @@ impl FromStr for LimitArg {
         let form = "COORDINATE.QUANTITY=LOWEST,HIGHEST is needed";
         let (target, range) = text.split_once('=').ok_or(form)?;
         let (coordinate, quantity) = target.rsplit_once('.').ok_or(form)?;
-        if !["position", "velocity", "acceleration", "effort"].contains(&quantity) {
+        if !["position", "velocity", "acceleration", "jerk", "effort"].contains(&quantity) {
             return Err(format!(
-                "{quantity}: position, velocity, acceleration or effort is needed"
+                "{quantity}: position, velocity, acceleration, jerk or effort is needed"
             ));
         }
         let (low, high) = range.split_once(',').ok_or(form)?;

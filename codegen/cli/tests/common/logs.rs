@@ -161,12 +161,13 @@ impl Mdf {
         self.add(*b"##CC", &[0; 4], &data)
     }
 
-    /// A channel of doubles at a byte of the record, with the addresses of its conversion and its unit.
+    /// A channel of doubles at a byte of the record, with the addresses of its conversion, its unit and its
+    /// comment.
     pub fn channel(
         &mut self,
         (next, name): (u64, &str),
         byte: u32,
-        [conversion, unit]: [u64; 2],
+        [conversion, unit, comment]: [u64; 3],
         flags: u32,
     ) -> u64 {
         let name_at = self.text(name);
@@ -176,7 +177,7 @@ impl Mdf {
         own.resize(72, 0);
         self.add(
             *b"##CN",
-            &[next, 0, name_at, 0, conversion, 0, unit, 0],
+            &[next, 0, name_at, 0, conversion, 0, unit, comment],
             &own,
         )
     }
@@ -412,7 +413,7 @@ pub fn parquet(
     columns: &[(&str, Vec<f64>)],
     texts: &[&str],
     lists: &[&str],
-    metadata: &[&str],
+    metadata: &[(&str, &str)],
 ) {
     let rows = columns.first().map_or(0, |own| own.1.len());
     let numbers = columns
@@ -427,7 +428,7 @@ pub fn parquet(
     let file = File::create(path).unwrap();
     let said = metadata
         .iter()
-        .map(|key| KeyValue::new((*key).to_owned(), "1".to_owned()));
+        .map(|(key, value)| KeyValue::new((*key).to_owned(), (*value).to_owned()));
     let said = WriterProperties::builder().set_key_value_metadata(Some(said.collect()));
     let mut writer =
         SerializedFileWriter::new(file, Arc::new(schema), Arc::new(said.build())).unwrap();

@@ -228,6 +228,13 @@ impl<'a> Reading<'a, '_, '_> {
         );
         part.friction = resisting(axis("dynamicFrictionEffort"), effort);
         part.damping = resisting(axis("viscousFrictionCoefficient"), effort / way);
+        if let Some(friction) = element.attribute("physxJoint:jointFriction")
+            && friction.value.parse() != Ok(0.0)
+        {
+            let text = "friction that PhysX takes as a part of the force in the joint is no effort, and left out: {}";
+            let item = format!("'{}'", part.name);
+            self.fields.log.note_each(friction.place, text, &item);
+        }
     }
 
     /// Whether a motor drives the joint.

@@ -67,7 +67,7 @@ class ExciteOptions(TypedDict, total=False):
     frequency: Value | None
     #: The number of harmonics
     harmonics: Value | None
-    #: Replace a limit of the spec: COORDINATE.QUANTITY=LOWEST,HIGHEST, where QUANTITY is position, velocity, acceleration or effort (may be repeated)
+    #: Replace a limit of the spec: COORDINATE.QUANTITY=LOWEST,HIGHEST, where QUANTITY is position, velocity, acceleration, jerk or effort (may be repeated)
     limit: Values | None
     #: The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities [default: 0.05]
     margin: Value | None

@@ -172,13 +172,14 @@ fn arrays(robot: &Robot) -> Vec<Array> {
         "Gravity in the world frame, m/s^2.",
         Values::Numbers(robot.gravity.to_vec()),
     );
-    let kinds: [(&str, &str); 4] = [
+    let kinds: [(&str, &str); 5] = [
         (
             "position_limits",
             "Lower and upper limit of each coordinate, one pair after the other; infinite where none is stated.",
         ),
         ("velocity_limits", "The same of the velocities."),
         ("acceleration_limits", "The same of the accelerations."),
+        ("jerk_limits", "The same of the rates of the accelerations."),
         ("effort_limits", "The same of the efforts, N m or N."),
     ];
     for (which, (name, doc)) in kinds.into_iter().enumerate() {

@@ -101,7 +101,7 @@ fn joint(joint: &JointInfo) -> String {
     if joint.friction_name() != "None" {
         fields.push(format!("friction: Friction::{}", joint.friction_name()));
     }
-    let limits: Vec<String> = ["position", "velocity", "acceleration", "effort"]
+    let limits: Vec<String> = ["position", "velocity", "acceleration", "jerk", "effort"]
         .iter()
         .zip(&joint.limits)
         .filter_map(|(name, limit)| {
@@ -111,7 +111,7 @@ fn joint(joint: &JointInfo) -> String {
         .collect();
     match limits.len() {
         0 => {}
-        4 => fields.push(format!("limits: Limits {{ {} }}", limits.join(", "))),
+        5 => fields.push(format!("limits: Limits {{ {} }}", limits.join(", "))),
         _ => fields.push(format!(
             "limits: Limits {{ {}, ..Limits::NONE }}",
             limits.join(", ")

@@ -9,10 +9,15 @@
 
 use super::criterion::Objective;
 use super::evaluate::{Number, Problem};
-use super::limits::Quantity;
+use super::limits::{Limit, Quantity};
+use super::space::ORDERS;
 use super::{DIRECTIONS, ExciteError};
 use regen_batch::{TrackedStates, TrajectoryClosure};
 use regen_runtime::{BaseModel, SizeError};
+
+/// The step in time of a difference, relative to a radian of the highest harmonic: the error of the
+/// difference is of its square, 1e-8, and that of rounding 1e-12.
+const JERK_STEP: f64 = 1e-4;
 
 /// Objective, limits and their derivatives at one candidate trajectory.
 #[derive(Clone, Debug)]
@@ -21,8 +26,8 @@ pub(super) struct Evaluation {
     pub(super) gradient: Vec<f64>,
     /// The values of all limits, grid point by grid point.
     pub(super) values: Vec<f64>,
-    /// The derivatives of each value by q, qd, qdd of the independent coordinates (3 dof each); 0
-    /// where the value is far below 0.
+    /// The derivatives of each value by position, velocity, acceleration and jerk of the independent
+    /// coordinates (4 dof each); 0 where the value is far below 0.
     pub(super) slopes: Vec<f64>,
     /// The indices of the values whose derivatives were computed.
     pub(super) near: Vec<usize>,
@@ -82,13 +87,13 @@ where
         from: Option<&Evaluation>,
     ) -> Result<Option<Evaluation>, ExciteError> {
         let dof = self.dof();
-        let directions = 3 * dof;
+        let (directions, width) = (3 * dof, ORDERS * dof);
         let from = from.map(|from| &from.states);
         let Some(states) = self.closed_grid(closure, y, from)? else {
             return Ok(None);
         };
         let (rates, pivots) = self.coordinate_rates(&states)?;
-        let values = self.limit_values(&states, &pivots)?;
+        let values = self.limit_values(&states, &self.grid, y, &pivots)?;
         let mut w = self.observation_matrix(&self.samples(&states))?;
         if !w.iter().chain(&values).all(|x| x.is_finite()) {
             return Ok(None);
@@ -105,9 +110,9 @@ where
         let above = values.iter().enumerate();
         let above = above.filter_map(|(k, value)| (*value > -near).then_some(k));
         let above: Vec<usize> = above.collect();
-        let mut slopes = vec![0.0; values.len() * directions];
+        let mut slopes = vec![0.0; values.len() * width];
         let mut gradient = vec![0.0; y.len()];
-        let mut by_state = vec![0.0; directions];
+        let mut by_state = vec![0.0; width];
         let mut block = vec![Number::constant(0.0); dof * self.columns];
         let rows = slope.len() / self.columns.max(1);
         for (g, row) in self.grid.iter().enumerate() {
@@ -116,7 +121,7 @@ where
             let own = own.iter().map(|value| *value > -near);
             let own: Vec<bool> = own.collect();
             let is_sample = g % self.stride == 0;
-            let slopes = &mut slopes[g * each * directions..(g + 1) * each * directions];
+            let slopes = &mut slopes[g * each * width..(g + 1) * each * width];
             self.fill_linear(&grid, g, &own, slopes);
             if is_sample {
                 needed.rates = needed.rates.max(Rates::Accelerations);
@@ -144,6 +149,7 @@ where
                     }
                 }
             }
+            self.fill_jerks(&grid, g, &row.at(y), &own, slopes)?;
             if is_sample {
                 row.pull(&by_state, &mut gradient);
             }
@@ -213,8 +219,11 @@ where
             let depends = !self.info.independent.contains(&limit.index());
             let rates = match limit.quantity {
                 Quantity::Velocity if depends => Rates::Velocities,
-                Quantity::Acceleration if depends => Rates::Accelerations,
-                Quantity::Position | Quantity::Velocity | Quantity::Acceleration => Rates::None,
+                Quantity::Acceleration | Quantity::Jerk if depends => Rates::Accelerations,
+                Quantity::Position
+                | Quantity::Velocity
+                | Quantity::Acceleration
+                | Quantity::Jerk => Rates::None,
                 Quantity::Effort => Rates::Efforts,
                 Quantity::SwingLimit => {
                     out.cones = true;
@@ -228,16 +237,17 @@ where
     }
 
     /// Fills the derivatives that the rates of the coordinates give: those of positions, of
-    /// velocities by the independent velocities, and of accelerations by the independent
-    /// accelerations.
+    /// velocities by the independent velocities, and of accelerations and jerks by the independent
+    /// ones.
     fn fill_linear(&self, grid: &Grid, g: usize, near: &[bool], slopes: &mut [f64]) {
         let (dof, count) = (self.dof(), grid.states.len());
-        let each = slopes.chunks_exact_mut(3 * dof);
+        let each = slopes.chunks_exact_mut(ORDERS * dof);
         for ((limit, near), slopes) in self.limits.iter().zip(near).zip(each) {
             let order = match limit.quantity {
                 Quantity::Position => 0,
                 Quantity::Velocity => 1,
                 Quantity::Acceleration => 2,
+                Quantity::Jerk => 3,
                 _ => continue,
             };
             if !near {
@@ -304,16 +314,18 @@ where
         Ok(out)
     }
 
-    /// Fills the derivatives that dual numbers give, in the directions from `first` on.
+    /// Fills the derivatives that dual numbers give, in the directions from `first` on; for jerks of
+    /// dependent coordinates those of the acceleration, of which `fill_jerks` makes theirs.
     fn fill_duals(&self, motion: &Motion, near: &[bool], first: usize, slopes: &mut [f64]) {
         let directions = 3 * self.dof();
         let count = DIRECTIONS.min(directions - first);
-        let each = slopes.chunks_exact_mut(directions);
+        let each = slopes.chunks_exact_mut(ORDERS * self.dof());
         for ((limit, near), slopes) in self.limits.iter().zip(near).zip(each) {
             let number = match limit.quantity {
                 Quantity::Position => None,
                 Quantity::Velocity => motion.qd.get(limit.index()),
-                Quantity::Acceleration => motion.qdd.get(limit.index()),
+                Quantity::Jerk if !self.is_jerk_of_loop(limit) => None,
+                Quantity::Acceleration | Quantity::Jerk => motion.qdd.get(limit.index()),
                 Quantity::Effort => motion.efforts.get(limit.index()),
                 Quantity::SwingLimit => motion.cones.get(limit.index()),
                 Quantity::Singularity => Some(&motion.pivot),
@@ -328,9 +340,105 @@ where
         }
     }
 
+    /// Makes derivatives of the jerks of dependent coordinates of those of their accelerations.
+    ///
+    /// Along a motion `qdd = J qdd_i + H(qd_i, qd_i)` and `qddd = J qddd_i + 3 H(qd_i, qdd_i) +
+    /// T(qd_i, qd_i, qd_i)`, where J, H and T are the derivatives of the coordinates by the independent
+    /// ones. So `d qddd/d qdd_i = 3/2 d qdd/d qd_i`, `d qddd/d qd_i = 3 d qdd/d q_i`, and
+    /// `d qddd/d q_i` is the rate of `d qdd/d q_i` along the motion, here a difference of two exact
+    /// derivatives beside the state.
+    ///
+    /// - `independent`: position, velocity, acceleration and jerk of the independent coordinates.
+    fn fill_jerks(
+        &self,
+        grid: &Grid,
+        g: usize,
+        independent: &[Vec<f64>; ORDERS],
+        near: &[bool],
+        slopes: &mut [f64],
+    ) -> Result<(), SizeError> {
+        let dof = self.dof();
+        let is_wanted = |(limit, near): (&Limit, &bool)| *near && self.is_jerk_of_loop(limit);
+        if !self.limits.iter().zip(near).any(is_wanted) {
+            return Ok(());
+        }
+        let step = self.space.shortest() * JERK_STEP;
+        let mut rates = vec![Vec::new(); 2];
+        for (rates, h) in rates.iter_mut().zip([-step, step]) {
+            *rates = self.acceleration_rates(grid, g, independent, h)?;
+        }
+        let [before, after] = &rates[..] else {
+            return Ok(());
+        };
+        let each = slopes.chunks_exact_mut(ORDERS * dof);
+        for ((limit, near), slopes) in self.limits.iter().zip(near).zip(each) {
+            if !is_wanted((limit, near)) {
+                continue;
+            }
+            for k in 0..dof {
+                slopes[2 * dof + k] = 1.5 * slopes[dof + k];
+                slopes[dof + k] = 3.0 * slopes[k];
+                let at = k * self.info.coordinates.len() + limit.index();
+                slopes[k] = limit.rate((after[at] - before[at]) / (2.0 * step));
+            }
+        }
+        Ok(())
+    }
+
+    /// The derivatives of all accelerations by each independent coordinate, one after the other, at the
+    /// state to which the motion goes on from a grid point in the time `h`, s. It closes the loops to
+    /// the second order of `h`, which a difference of two such states does not see.
+    fn acceleration_rates(
+        &self,
+        grid: &Grid,
+        g: usize,
+        independent: &[Vec<f64>; ORDERS],
+        h: f64,
+    ) -> Result<Vec<f64>, SizeError> {
+        let (dof, states) = (self.dof(), &grid.states);
+        let ahead = |values: &[f64], rates: &[f64]| -> Vec<f64> {
+            let pairs = values.iter().zip(rates);
+            pairs.map(|(value, rate)| value + h * rate).collect()
+        };
+        let q: Vec<f64> = states.at(&states.q, g).collect();
+        let qd: Vec<f64> = states.at(&states.qd, g).collect();
+        let q = ahead(&q, &qd);
+        let [_, qd_i, qdd_i, jerk_i] = independent;
+        let constants = |values: Vec<f64>| -> Vec<Number> {
+            values.into_iter().map(Number::constant).collect()
+        };
+        let rates_i = constants(ahead(qd_i, qdd_i));
+        let accelerations_i = constants(ahead(qdd_i, jerk_i));
+        let mut out = vec![0.0; dof * q.len()];
+        for first in (0..dof).step_by(DIRECTIONS) {
+            let mut along = constants(q.clone());
+            for k in first..dof.min(first + DIRECTIONS) {
+                let mut unit = vec![0.0; dof];
+                unit[k] = 1.0;
+                let mut column = vec![0.0; q.len()];
+                let _condition = self.model.velocities(&q, &unit, &mut column)?;
+                for (number, rate) in along.iter_mut().zip(column) {
+                    number.rates[k - first] = rate;
+                }
+            }
+            let mut qd = vec![Number::constant(0.0); q.len()];
+            let _condition = self.derivatives.velocities(&along, &rates_i, &mut qd)?;
+            let mut qdd = vec![Number::constant(0.0); q.len()];
+            let _condition =
+                self.derivatives
+                    .accelerations(&along, &qd, &accelerations_i, &mut qdd)?;
+            for k in first..dof.min(first + DIRECTIONS) {
+                for (slot, number) in out[k * q.len()..].iter_mut().zip(&qdd) {
+                    *slot = number.rates[k - first];
+                }
+            }
+        }
+        Ok(out)
+    }
+
     /// The derivatives by the variables of one entry of [`Evaluation::values`].
     pub(super) fn slope(&self, evaluation: &Evaluation, limit: usize) -> Vec<f64> {
-        let directions = 3 * self.dof();
+        let directions = ORDERS * self.dof();
         let mut out = vec![0.0; self.space.size()];
         let start = limit * directions;
         let slope = &evaluation.slopes[start..start + directions];
@@ -341,7 +449,7 @@ where
     /// The first-order change along a step of the variables of each value in
     /// [`near`](Evaluation::near).
     pub(super) fn changes(&self, evaluation: &Evaluation, step: &[f64]) -> Vec<f64> {
-        let directions = 3 * self.dof();
+        let directions = ORDERS * self.dof();
         let each = self.limits.len().max(1);
         let mut moved: Option<(usize, Vec<f64>)> = None;
         let mut out = Vec::with_capacity(evaluation.near.len());

@@ -1,7 +1,7 @@
 //! Evaluation of a trajectory: limits and observation matrix.
 
 use super::limits::{Limit, Quantity};
-use super::space::{Row, Space};
+use super::space::{ORDERS, Row, Space};
 use super::{Criterion, DIRECTIONS, ExciteError, Tangent};
 use regen_batch::{TrackedStates, TrajectoryClosure, eval_base_many, eval_many};
 use regen_runtime::{
@@ -101,10 +101,15 @@ where
         Ok(b)
     }
 
-    /// Positions, velocities and accelerations of the independent coordinates at these grid points.
-    fn series<'a>(&self, rows: impl ExactSizeIterator<Item = &'a Row>, y: &[f64]) -> [Vec<f64>; 3] {
+    /// Positions, velocities, accelerations and jerks of the independent coordinates at these grid
+    /// points.
+    pub(super) fn series<'a>(
+        &self,
+        rows: impl ExactSizeIterator<Item = &'a Row>,
+        y: &[f64],
+    ) -> [Vec<f64>; ORDERS] {
         let count = rows.len();
-        let mut series = [(); 3].map(|()| vec![0.0; self.dof() * count]);
+        let mut series = [(); ORDERS].map(|()| vec![0.0; self.dof() * count]);
         for (state, row) in rows.enumerate() {
             for (series, values) in series.iter_mut().zip(row.at(y)) {
                 let slots = series.iter_mut().skip(state).step_by(count);
@@ -125,7 +130,7 @@ where
         from: Option<&TrackedStates>,
     ) -> Result<Option<TrackedStates>, ClosureError> {
         if let Some(from) = from {
-            let [q_i, qd_i, qdd_i] = self.series(self.grid.iter(), y);
+            let [q_i, qd_i, qdd_i, _] = self.series(self.grid.iter(), y);
             let moved = closure.moved(from, &q_i, &qd_i, &qdd_i)?;
             if moved.is_some() {
                 return Ok(moved);
@@ -142,7 +147,7 @@ where
         y: &[f64],
     ) -> Result<Option<TrackedStates>, ClosureError> {
         let count = rows.len();
-        let [q_i, qd_i, qdd_i] = self.series(rows, y);
+        let [q_i, qd_i, qdd_i, _] = self.series(rows, y);
         closure.restart();
         let states = closure.track(count, &q_i, &qd_i, &qdd_i)?;
         let closes = states.outcomes.iter().all(|outcome| outcome.is_closed());
@@ -171,7 +176,7 @@ where
         };
         let zero = vec![0.0; self.dof() * states.len()];
         let (_, pivots) = self.velocities(&states, &zero)?;
-        Ok(Some(self.limit_values(&states, &pivots)?))
+        Ok(Some(self.limit_values(&states, rows, y, &pivots)?))
     }
 
     /// The velocities of all coordinates at closed states for those of the independent ones, and the
@@ -193,10 +198,66 @@ where
         Ok((qd, pivots))
     }
 
-    /// The values of all limits at closed states, state by state; `pivots`: those of the velocities.
+    /// Whether a limit of a jerk depends on the loops.
+    pub(super) fn is_jerk_of_loop(&self, limit: &Limit) -> bool {
+        limit.quantity == Quantity::Jerk && !self.info.independent.contains(&limit.index())
+    }
+
+    /// The jerks of all coordinates at the closed states of these grid points; empty where none is
+    /// limited.
+    ///
+    /// The accelerations are a function of the positions and velocities and of the independent
+    /// accelerations, so that numbers with one derivative, by the time, give the jerks.
+    fn jerks(
+        &self,
+        states: &TrackedStates,
+        rows: &[Row],
+        y: &[f64],
+    ) -> Result<Vec<f64>, SizeError> {
+        let jerk = |limit: &Limit| limit.quantity == Quantity::Jerk;
+        if !self.limits.iter().any(jerk) {
+            return Ok(Vec::new());
+        }
+        let count = states.len();
+        let [.., jerk_i] = self.series(rows.iter(), y);
+        let mut out = vec![0.0; states.q.len()];
+        for (k, c) in self.info.independent.iter().enumerate() {
+            out[c * count..(c + 1) * count].copy_from_slice(&jerk_i[k * count..(k + 1) * count]);
+        }
+        if !self.limits.iter().any(|limit| self.is_jerk_of_loop(limit)) {
+            return Ok(out);
+        }
+        let moving = |values: &[f64], rates: &[f64], state: usize| -> Vec<Number> {
+            let rates = states.at(rates, state);
+            let pairs = states.at(values, state).zip(rates);
+            let number = |(value, rate)| {
+                let mut number = Number::constant(value);
+                number.rates[0] = rate;
+                number
+            };
+            pairs.map(number).collect()
+        };
+        for state in 0..count {
+            let q = moving(&states.q, &states.qd, state);
+            let qd = moving(&states.qd, &states.qdd, state);
+            let all = moving(&states.qdd, &out, state);
+            let qdd_i: Vec<Number> = self.info.independent.iter().map(|c| all[*c]).collect();
+            let mut qdd = vec![Number::constant(0.0); q.len()];
+            let _condition = self.derivatives.accelerations(&q, &qd, &qdd_i, &mut qdd)?;
+            for c in self.info.dependent {
+                out[c * count + state] = qdd[*c].rates[0];
+            }
+        }
+        Ok(out)
+    }
+
+    /// The values of all limits at the closed states of these grid points, state by state; `pivots`:
+    /// those of the velocities.
     pub(super) fn limit_values(
         &self,
         states: &TrackedStates,
+        rows: &[Row],
+        y: &[f64],
         pivots: &[f64],
     ) -> Result<Vec<f64>, SizeError> {
         let count = states.len();
@@ -235,6 +296,7 @@ where
                 }
             }
         }
+        let jerks = self.jerks(states, rows, y)?;
         let each = self.limits.len();
         let mut out = vec![0.0; count * each];
         for (l, limit) in self.limits.iter().enumerate() {
@@ -242,6 +304,7 @@ where
                 Quantity::Position => (&states.q[..], limit.index()),
                 Quantity::Velocity => (&states.qd[..], limit.index()),
                 Quantity::Acceleration => (&states.qdd[..], limit.index()),
+                Quantity::Jerk => (&jerks[..], limit.index()),
                 Quantity::Effort => (&efforts[..], limit.index()),
                 Quantity::SwingLimit => (&cones[..], limit.index()),
                 Quantity::Singularity => (pivots, 0),

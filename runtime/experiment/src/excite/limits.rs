@@ -14,6 +14,8 @@ pub enum Quantity {
     Velocity,
     /// A coordinate's acceleration.
     Acceleration,
+    /// The rate of a coordinate's acceleration.
+    Jerk,
     /// An actuator's effort.
     Effort,
     /// The swing angle of a spherical or universal joint, or of a cut.
@@ -47,6 +49,7 @@ impl fmt::Display for Limit {
             Quantity::Position => write!(f, "position of {name} {side} {bound}"),
             Quantity::Velocity => write!(f, "velocity of {name} {side} {bound}"),
             Quantity::Acceleration => write!(f, "acceleration of {name} {side} {bound}"),
+            Quantity::Jerk => write!(f, "jerk of {name} {side} {bound}"),
             Quantity::Effort => write!(f, "effort of {name} {side} {bound}"),
             Quantity::SwingLimit => write!(f, "cone angle of {name} {side} {bound}"),
             Quantity::Singularity => {
@@ -110,6 +113,7 @@ pub(super) fn limits(
             (Quantity::Position, joint.position, Some(c)),
             (Quantity::Velocity, joint.velocity, Some(c)),
             (Quantity::Acceleration, joint.acceleration, Some(c)),
+            (Quantity::Jerk, joint.jerk, Some(c)),
             (Quantity::Effort, joint.effort, actuator.filter(|_| efforts)),
         ];
         for (quantity, range, at) in ranges {

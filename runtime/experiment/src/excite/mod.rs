@@ -3,8 +3,8 @@
 //!
 //! The independent coordinates follow finite Fourier series (Eq. 25; Swevers et al., 1996). Their
 //! coefficients minimise one of four [criteria](Criterion) of the observation matrix of the base
-//! parameters, subject to all limits: positions, velocities and accelerations of all coordinates,
-//! passive ones included, swing limits of spherical joints, efforts at nominal parameters, and a
+//! parameters, subject to all limits: positions, velocities, accelerations and jerks of all
+//! coordinates, passive ones included, swing limits of spherical joints, efforts at nominal parameters, and a
 //! margin from singularities. The loops stay closed on the branch of `home`.
 //!
 //! The search is sequential quadratic programming from random starts, with exact derivatives by

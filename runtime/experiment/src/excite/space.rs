@@ -20,12 +20,15 @@ pub(super) struct Space {
     rest: Option<Vec<[Vec<f64>; 2]>>,
 }
 
+/// Position, velocity, acceleration and jerk.
+pub(super) const ORDERS: usize = 4;
+
 /// The values and rates of the series at one time, as linear functions of the variables.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
-    /// For each coordinate and each of `q`, `qd`, `qdd`: the factors of that coordinate's
-    /// variables.
-    pub(super) factors: Vec<[Vec<f64>; 3]>,
+    /// For each coordinate and each of position, velocity, acceleration and jerk: the factors of that
+    /// coordinate's variables.
+    pub(super) factors: Vec<[Vec<f64>; ORDERS]>,
 }
 
 impl Space {
@@ -83,6 +86,11 @@ impl Space {
     /// The number of all variables.
     pub(super) fn size(&self) -> usize {
         self.scales.len() * self.per_coordinate()
+    }
+
+    /// The time in which the highest harmonic turns by a radian, s.
+    pub(super) fn shortest(&self) -> f64 {
+        1.0 / (TAU * self.frequency * self.harmonics as f64)
     }
 
     /// Offset, cosines and sines of a coordinate, from its variables.
@@ -149,9 +157,13 @@ impl Space {
             series(0.0, &|k| {
                 [-w(k) * w(k) * cosines[k], -w(k) * w(k) * sines[k]]
             }),
+            series(0.0, &|k| {
+                let cube = w(k) * w(k) * w(k);
+                [cube * sines[k], -cube * cosines[k]]
+            }),
         ];
         let factors = (0..self.scales.len())
-            .map(|c| [0, 1, 2].map(|i: usize| self.pulled(c, &rows[i])))
+            .map(|c| rows.each_ref().map(|row| self.pulled(c, row)))
             .collect();
         Row { factors }
     }
@@ -195,24 +207,24 @@ impl Space {
 }
 
 impl Row {
-    /// q, qd and qdd of each coordinate for the variables `y`.
-    pub(super) fn at(&self, y: &[f64]) -> [Vec<f64>; 3] {
+    /// Position, velocity, acceleration and jerk of each coordinate for the variables `y`.
+    pub(super) fn at(&self, y: &[f64]) -> [Vec<f64>; ORDERS] {
         let each = self.factors.first().map_or(1, |f| f[0].len());
-        [0, 1, 2].map(|i: usize| {
+        std::array::from_fn(|i| {
             let chunks = y.chunks_exact(each).zip(&self.factors);
-            let sum = |(y, f): (&[f64], &[Vec<f64>; 3])| dot(y, &f[i]);
+            let sum = |(y, f): (&[f64], &[Vec<f64>; ORDERS])| dot(y, &f[i]);
             chunks.map(sum).collect()
         })
     }
 
     /// Adds to `out`, the derivative by the variables, the contribution of `slope`, the derivative
-    /// by q of each coordinate, then qd, then qdd (3 dof).
+    /// by the position of each coordinate, then by the velocities, accelerations and jerks (4 dof).
     pub(super) fn pull(&self, slope: &[f64], out: &mut [f64]) {
         let dof = self.factors.len();
         let each = self.factors.first().map_or(1, |f| f[0].len());
         for (c, (out, factors)) in out.chunks_exact_mut(each).zip(&self.factors).enumerate() {
-            let three = [slope[c], slope[dof + c], slope[2 * dof + c]];
-            for (g, row) in three.iter().zip(factors) {
+            let own = slope.iter().skip(c).step_by(dof.max(1));
+            for (g, row) in own.zip(factors) {
                 if *g != 0.0 {
                     for (o, f) in out.iter_mut().zip(row) {
                         *o += g * f;
@@ -262,9 +274,16 @@ mod tests {
                     for (found, known) in at.iter().zip(known) {
                         assert!((found[c] - known).abs() < 1e-12, "{step} {c}");
                     }
+                    // the jerk, by a difference whose error is of the square of its step
+                    let beside = [-1e-4, 1e-4].map(|h| series.at(c, step as f64 / 1.4 + h)[2]);
+                    let jerk = (beside[1] - beside[0]) / 2e-4;
+                    assert!(
+                        (at[3][c] - jerk).abs() < 1e-5 * (1.0 + jerk.abs()),
+                        "{step} {c}"
+                    );
                 }
             }
-            let [_, qd, qdd] = space.row(0, 7).at(&y);
+            let [_, qd, qdd, _] = space.row(0, 7).at(&y);
             let moves = qd.iter().chain(&qdd).any(|x| x.abs() > 1e-12);
             assert_eq!(moves, !at_rest);
         }
@@ -274,7 +293,7 @@ mod tests {
     fn derivatives_by_the_variables_are_those_of_the_rows() {
         let space = Space::new(0.2, 3, &[0.5, 2.0], &[None, None], true);
         let row = space.row(2, 9);
-        let slope = [1.0, -2.0, 0.5, 0.25, 3.0, 0.125];
+        let slope = [1.0, -2.0, 0.5, 0.25, 3.0, 0.125, -1.0, 0.75];
         let mut pulled = vec![0.0; space.size()];
         row.pull(&slope, &mut pulled);
         let y: Vec<f64> = (0..space.size()).map(|k| libm::cos(k as f64)).collect();

@@ -229,7 +229,7 @@ pub(crate) const UNITS: [(&str, f64); 25] = [
 ];
 
 /// Other spellings in files of the units of [`UNITS`].
-const SPELLINGS: [(&str, &str); 16] = [
+const SPELLINGS: [(&str, &str); 23] = [
     ("\u{b0}", "deg"),
     ("degree", "deg"),
     ("degrees", "deg"),
@@ -241,6 +241,13 @@ const SPELLINGS: [(&str, &str); 16] = [
     ("m/s2", "m/s^2"),
     ("1/min", "rpm"),
     ("sec", "s"),
+    ("second", "s"),
+    ("seconds", "s"),
+    ("msec", "ms"),
+    ("milliseconds", "ms"),
+    ("microseconds", "us"),
+    ("nanoseconds", "ns"),
+    ("radians/s", "rad/s"),
     ("\u{b5}s", "us"),
     ("N m", "Nm"),
     ("N*m", "Nm"),

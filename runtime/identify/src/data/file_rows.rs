@@ -341,10 +341,6 @@ impl Table {
     }
 
     /// What the file has and the table lacks, with the reasons.
-    #[cfg_attr(
-        not(any(feature = "arrays", feature = "bags", feature = "parquet")),
-        allow(clippy::unused_self)
-    )]
     pub(super) fn absent(&self) -> &[(String, String)] {
         match &self.kind {
             #[cfg(feature = "arrays")]
@@ -353,16 +349,24 @@ impl Table {
             Kind::Bag(table) => table.absent(),
             #[cfg(feature = "parquet")]
             Kind::Parquet(contents) => &contents.absent,
-            _ => &[],
+            Kind::Csv(written, _) => &written.remarks,
         }
     }
 
     /// The unit that the file states of a column beside its title.
-    #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
+    #[cfg_attr(
+        not(any(feature = "arrays", feature = "parquet")),
+        allow(unused_variables, clippy::unused_self)
+    )]
     fn unit(&self, column: usize) -> Option<&str> {
         match &self.kind {
             #[cfg(feature = "arrays")]
             Kind::Arrays(table) => table.unit(column),
+            #[cfg(feature = "parquet")]
+            Kind::Parquet(contents) => {
+                let unit = contents.units.get(column).map(String::as_str);
+                unit.filter(|unit| !unit.is_empty())
+            }
             _ => None,
         }
     }

@@ -1,5 +1,6 @@
 //! Reads the rows of a Parquet file, one row group after another.
 
+mod arrow;
 mod contents;
 mod decompress;
 mod format;

@@ -78,14 +78,55 @@ pub(super) struct Written {
     pub(super) titles: Vec<String>,
     /// The first date with a time of the day in it, ns since 1970; dates count from it or another one.
     pub(super) dated: Option<i64>,
+    /// The lines that are no rows, at the start and the end of the file, with the reason why.
+    pub(super) remarks: Vec<(String, String)>,
 }
 
 /// Bytes at the start of a file from which its format is found.
 const SAMPLE_BYTES: u64 = 1 << 16;
+/// Bytes at the end of a file in which comments are looked for.
+const END_BYTES: u64 = 1 << 12;
+/// The number of lines without rows that are told, and of the characters of each.
+const MAX_REMARKS: usize = 8;
+const MAX_REMARK_LENGTH: usize = 60;
 /// The number of rows among these that are examined.
 const SAMPLE_ROWS: usize = 20;
 /// The largest number of columns.
 const MAX_COLUMNS: usize = 5000;
+
+/// The lines of a text that are no rows: those before the table, which begins at a byte, and comments.
+fn remarks(bytes: &[u8], start: u64, comment: u8) -> Vec<(String, String)> {
+    let (mut at, mut found, mut more) = (0, Vec::new(), 0);
+    for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+        let is_before = at < start;
+        // a row of names may be a comment of MATLAB itself
+        let is_names = at == start && comment != COMMENT;
+        at += line.len() as u64;
+        let text = String::from_utf8_lossy(line);
+        let text = text.trim_start_matches('\u{feff}').trim();
+        let is_comment = text.as_bytes().first() == Some(&comment) && !is_names;
+        let words =
+            text.trim_matches(|own: char| own.is_ascii_punctuation() || own.is_whitespace());
+        if words.is_empty() || !(is_before || is_comment) {
+            continue;
+        }
+        if found.len() == MAX_REMARKS {
+            more += 1;
+            continue;
+        }
+        let mut shown: String = text.chars().take(MAX_REMARK_LENGTH).collect();
+        if shown.len() < text.len() {
+            shown.push_str("..");
+        }
+        let why = "it is a line without a row, which is not applied to numbers";
+        found.push((shown, why.to_owned()));
+    }
+    if more > 0 {
+        let why = "they are lines without rows, which are not applied to numbers";
+        found.push((format!("{more} more lines"), why.to_owned()));
+    }
+    found
+}
 
 impl Written {
     /// Finds how a file is written from its first rows.
@@ -145,13 +186,27 @@ impl Written {
         };
         // what is before the first row is read with it, as long as it is no more than comments
         let beginning = Place { byte: 0, line: 1 };
+        let start = rows.first().map_or(beginning, |row| row.place);
+        let mut lines = remarks(&bytes, start.byte, comment);
+        if bytes.len() as u64 == SAMPLE_BYTES {
+            let mut end = Vec::new();
+            let length = file.seek(SeekFrom::End(0))?;
+            file.seek(SeekFrom::Start(
+                length.saturating_sub(END_BYTES).max(SAMPLE_BYTES),
+            ))?;
+            file.take(END_BYTES).read_to_end(&mut end)?;
+            // what is before the first end of a line is a part of one
+            let whole = memchr::memchr(b'\n', &end).unwrap_or(0);
+            lines.extend(remarks(end.get(whole..).unwrap_or_default(), 0, comment));
+        }
         Ok(Self {
             separator,
             decimal_comma,
             has_header,
-            start: rows.first().map_or(beginning, |row| row.place),
+            start,
             comment,
             titles,
+            remarks: lines,
             dated: rows
                 .iter()
                 .flat_map(|row| &row.cells)

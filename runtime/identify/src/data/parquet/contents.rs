@@ -13,6 +13,7 @@ use parquet::column::reader::ColumnReader;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use serde_json::Value;
 
+use super::arrow::{self, Said};
 use super::{Kind, ParquetRows, column, lists, open, unfit};
 use crate::data::file_rows::Wanted;
 use crate::data::problem::DataError;
@@ -21,7 +22,13 @@ use crate::document::require_regular;
 /// The column of the index of the episode.
 const EPISODE: &str = "episode_index";
 /// Keys of metadata that libraries write by themselves.
-const OF_WRITERS: [&str; 3] = ["ARROW:schema", "pandas", "huggingface"];
+const OF_WRITERS: [&str; 3] = [arrow::KEY, "pandas", "huggingface"];
+/// The same of metadata of fields.
+const OF_FIELDS: [&str; 3] = [
+    "PARQUET:field_id",
+    "ARROW:extension:name",
+    "ARROW:extension:metadata",
+];
 /// The length of the longest list whose elements become columns.
 const MAX_ELEMENTS: usize = 1000;
 /// The largest number of episodes that an error lists.
@@ -48,6 +55,8 @@ pub(in crate::data) struct Contents {
     pub(super) places: Vec<Place>,
     /// The number of the first row and of the last one, from 1; `None` for all.
     pub(super) rows: Option<(u64, u64)>,
+    /// The unit that the file states of each column; empty without one.
+    pub(in crate::data) units: Vec<String>,
     /// What the file has besides columns, with the reasons why it is not read.
     pub(in crate::data) absent: Vec<(String, String)>,
 }
@@ -191,10 +200,29 @@ pub(in crate::data) fn contents(
     let keys = said.into_iter().flatten().map(|own| own.key.clone());
     let keys = keys.filter(|key| !OF_WRITERS.contains(&key.as_str()));
     let why = "it is metadata of the file, which is not applied to numbers";
+    let mut absent: Vec<(String, String)> = keys.map(|key| (key, why.to_owned())).collect();
+    let of_fields = said.into_iter().flatten().find(|own| own.key == arrow::KEY);
+    let of_fields = of_fields.and_then(|own| own.value.as_deref());
+    let of_fields = of_fields.map(arrow::said).unwrap_or_default();
+    let units = places.iter().map(|place| {
+        let path = schema.column(place.leaf).path().string();
+        unit(&of_fields, &path)
+    });
+    let units = units.collect();
+    for own in of_fields.iter().filter(|own| !is_unit(own)) {
+        if !OF_FIELDS.contains(&own.key.as_str()) && absent.iter().all(|(key, _)| *key != own.key) {
+            let why = format!(
+                "it is metadata of the column {}, which is not applied to numbers",
+                own.field
+            );
+            absent.push((own.key.clone(), why));
+        }
+    }
     let mut contents = Contents {
         places,
         rows: None,
-        absent: keys.map(|key| (key, why.to_owned())).collect(),
+        units,
+        absent,
     };
     match (episodes, episode) {
         (None, None) => {}
@@ -210,6 +238,21 @@ pub(in crate::data) fn contents(
         }
     }
     Ok((titles, contents))
+}
+
+fn is_unit(said: &Said) -> bool {
+    matches!(&*said.key.to_lowercase(), "unit" | "units")
+}
+
+/// The unit of a column: that of its field, or else of the one around it.
+fn unit(said: &[Said], column: &str) -> String {
+    let around = |own: &&Said| {
+        let rest = column.strip_prefix(own.field.as_str());
+        is_unit(own) && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    };
+    let found = said.iter().filter(around);
+    let found = found.max_by_key(|own| own.field.len());
+    found.map_or_else(String::new, |own| own.value.trim().to_owned())
 }
 
 /// The rows of an episode.
