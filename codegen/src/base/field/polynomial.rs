@@ -14,7 +14,7 @@ pub(super) type Monomial = Vec<u8>;
 /// them.
 const MAX_TERMS: usize = 40;
 /// The same, where sines and cosines of names are among the variables: sums over both are longer.
-const MAX_TERMS_WITH_ANGLES: usize = 120;
+const MAX_TERMS_WITH_ANGLES: usize = 600;
 /// The largest power of a variable: the terms of longer expressions cancel, so that doubles could not
 /// evaluate them.
 const MAX_POWER: u8 = 32;
