@@ -223,8 +223,9 @@ mod tests {
         for (k, own) in gentle.states.iter_mut().enumerate() {
             for (effort, joint) in own.efforts.iter_mut().zip(0..) {
                 if k < half {
-                    let moved: &mut [Vec<f64>; 3] = &mut own.motion;
-                    moved.iter_mut().for_each(|of| of[joint] *= 0.02);
+                    for of in &mut own.motion {
+                        of[joint] *= 0.02;
+                    }
                     *effort *= 0.02;
                 }
                 *effort += constants.next().unwrap();

@@ -166,7 +166,9 @@ impl Fitted {
             Number::Gain(_) => number.of(&best.change).and_then(unit_near),
             _ => None,
         };
-        let unit = unit.filter(|unit| unit.abs() != 1.0).and_then(at);
+        let unit = unit
+            .filter(|unit| (unit.abs() - 1.0).abs() > f64::EPSILON)
+            .and_then(at);
         match unit.filter(|own| squares(own) < MAX_LOSS_OF_UNIT * squares(&best)) {
             Some(unit) => unit,
             None => best,
