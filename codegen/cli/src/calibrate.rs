@@ -543,6 +543,12 @@ impl<'p> Layout<'p> {
             let assigned = settings.columns.iter().find(is_own);
             let (place, factor, offset) = match assigned {
                 Some(own) if own.from == ValuesFrom::Constant => (None, 0.0, own.offset),
+                Some(own) if own.late != 0.0 => {
+                    return Err(Failure::Input(format!(
+                        "poses at rest have no time at which `{}` could be late",
+                        own.column
+                    )));
+                }
                 Some(own) => {
                     let place = self::place(log, &own.column, own.number)?;
                     (Some(place), own.factor, own.offset)

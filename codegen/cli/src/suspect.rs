@@ -5,7 +5,7 @@ mod gravity;
 #[cfg(test)]
 mod tests;
 
-use regen_identify::data::{Assignment, Logs, Run, ValuesFrom};
+use regen_identify::data::{Assignment, Logs, Run, Settings, ValuesFrom};
 use regen_identify::estimate::{EffortError, Estimate};
 use regen_identify::session::{Session, errors_with_columns};
 use regen_identify::suspect::{self, LogColumns, Remedy};
@@ -20,6 +20,8 @@ use crate::{observe, progress, terminal};
 /// The cutoff, in the rate of the rows, and the order of the filter where none could be chosen.
 const LOW_CUTOFF: f64 = 0.05;
 const FILTER_ORDER: usize = 4;
+/// Delays that were found explain a log of which they leave no more than this of any effort, percent.
+const MAX_LEFT_BY_DELAYS: f64 = 10.0;
 
 /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
 fn with_options(found: suspect::Suspicion) -> Suspected {
@@ -68,7 +70,14 @@ fn option(to: &Assignment) -> String {
         0.0 => String::new(),
         offset => format!(":offset:{offset}"),
     };
-    format!("--column '{}={}{factor}{offset}'", to.quantity, to.column)
+    let late = match to.late {
+        0.0 => String::new(),
+        late => format!(":late:{late}"),
+    };
+    format!(
+        "--column '{}={}{factor}{offset}{late}'",
+        to.quantity, to.column
+    )
 }
 
 /// Prints and returns the suspected mistakes in each log; does nothing with `--no-suspicion`.
@@ -195,11 +204,48 @@ pub(crate) fn doubts(
         let step = &mut |k, n| working.at(k, n);
         let run = runs.get(k);
         let whole = |columns: &[Assignment]| errors_with_columns(session, run?, columns).ok();
-        let own = suspect::suspicions(&columns, &sample, found, &whole, step);
+        let mut own = suspect::suspicions(&columns, &sample, found, &whole, step);
+        if let (true, true, Some(run)) = (own.is_empty(), session.reading.are_delays_found, run) {
+            own.extend(hidden_by_delays(session, run, &columns, step));
+        }
         let own = gravity::with_spec(&columns, &sample, specs, own);
         out.extend(own.into_iter().map(with_options));
     }
     working.end();
+    out
+}
+
+/// The columns that are read in a wrong way where delays were found that leave much of an effort: they explain a part
+/// of what such columns cause, and hide these.
+fn hidden_by_delays(
+    session: &Session<'_, Interpreted<'_>>,
+    run: &Run,
+    columns: &LogColumns<'_, Interpreted<'_>>,
+    step: &mut dyn FnMut(usize, usize),
+) -> Vec<suspect::Suspicion> {
+    let late = errors_with_columns(session, run, &[]).unwrap_or_default();
+    if late.iter().all(|own| own.1 < MAX_LEFT_BY_DELAYS) {
+        return Vec::new();
+    }
+    let on_time = Session {
+        reading: Settings {
+            delays: Vec::new(),
+            are_delays_found: false,
+            ..session.reading.clone()
+        },
+        ..*session
+    };
+    let opened = on_time.open(std::slice::from_ref(run));
+    let Some(sample) = opened.ok().and_then(|own| own.logs().sample(0).ok()) else {
+        return Vec::new();
+    };
+    // a change must explain more than the delays do
+    let whole = |columns: &[Assignment]| match columns {
+        [] => Some(late.clone()),
+        _ => errors_with_columns(&on_time, run, columns).ok(),
+    };
+    let mut out = suspect::suspicions(columns, &sample, None, &whole, step);
+    out.retain(|own| own.remedy.gives_columns() && own.changed.is_some());
     out
 }
 

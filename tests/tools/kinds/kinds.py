@@ -18,7 +18,8 @@ The remedy is what the messages print: assignments of columns, other options, ke
 All that is printed is applied, and the command asked again, up to `ROUNDS` times. The remedy `works` if then the log
 is as harmless as above; `nearly` if the error is larger than that but below the noise of the efforts (`--effort`), as
 no log tells a number that is missing exactly, not even to an `offset: true` in its spec; `none` if no message had any
-to apply. Logs of which a column is lost (constant, doubled, of another run) are not counted there.
+to apply. Logs of which something is lost (columns that are constant, doubled, of another run, noise or velocities, and the
+unit of all efforts) are not counted there.
 """
 
 import argparse
@@ -46,7 +47,9 @@ ROBOTS = "puma560,scara+friction,fork+friction+rotor,fivebar,3rps"
 MOTIONS = ("fourier", "start", "ptp", "sweep")
 NOISE = ("white:1e-5", "white:1e-4", "steps:1e-4")
 ROUNDS = 4
-LOST = {"constant_column", "doubled_column", "other_run"}
+LOST = {
+    "constant_column", "doubled_column", "other_run", "noise_alone", "swapped_position_and_velocity", "unit_of_efforts"
+}
 TIMED = 7  # one of so many logs is fitted without the checks, too; no multiple of the number of robots
 # the options of advice that are applied as they are printed
 OPTION = re.compile(

@@ -387,6 +387,8 @@ class Cases:
             told = identify(spec, log, *words).get("suspicions", [])
             if spec.stem in CONSTANTS:
                 self.constants(f"suspicions, {name}", told)
+            elif name.startswith("dVRK, mtm") and not name.endswith("as logged"):
+                self.rate(f"suspicions, {name}", told)
             elif name.startswith("dVRK, mtm, ") and name.endswith("as logged"):
                 self.cable(f"suspicions, {name}", told)
             else:
@@ -400,6 +402,13 @@ class Cases:
         holds = len(found) == 1 and set(found[0]) <= {"tau_q4", "tau_q7"} and "tau_q7" in found[0]
         shown = f"constants in {', '.join(found[0])}" if holds else told
         self.figure(name, shown, "constants in tau_q7, or tau_q4 and tau_q7", holds)
+
+    def rate(self, name, told):
+        """The MTM's filtered logs have a velocity of the seventh joint of 1.18 times the derivative of its position,
+        as differences of the rows show too: that is told, and nothing else."""
+        found = [re.findall(r"column `(\w+)` is (1\.1[78]\d) times the velocity", s["what"]) for s in told]
+        holds = len(found) == 1 and [own[0] for own in found[0]] == ["qd_q7"]
+        self.figure(name, "the ratio of qd_q7" if holds else told, "the ratio of qd_q7", holds)
 
     def cable(self, name, told):
         """The MTM's log as it is has the pull of a cable in the fourth effort, which this spec lacks: a

@@ -24,8 +24,8 @@ pub(crate) struct ReadingArgs {
     /// Where the files of an experiment file are [default: its own folder]
     #[arg(long = "logs", id = "folder", value_name = "DIR")]
     pub(crate) folder: Option<PathBuf>,
-    /// Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and
-    /// :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is
+    /// Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR,
+    /// :offset:VALUE and :late:S if needed; COLUMN is a header or a number. q3=constant:90:deg is
     /// a position that stays, tau_q3=unmeasured an effort whose equations are left out
     #[arg(long, value_name = "ASSIGNMENT")]
     pub(crate) column: Vec<regen_identify::data::Assignment>,

@@ -131,7 +131,7 @@ class InspectOptions(TypedDict, total=False):
 
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR, :offset:VALUE and :late:S if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -182,7 +182,7 @@ class ObserveOptions(TypedDict, total=False):
 
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR, :offset:VALUE and :late:S if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -239,7 +239,7 @@ class IdentifyOptions(TypedDict, total=False):
     butterworth: Value | None
     #: Write the parameters as a C header of initialisers; it includes the robot's header, and compiles with that of this model only
     c: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR, :offset:VALUE and :late:S if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: The column of a joint's commanded position: NAME=COLUMN, followed by :UNIT and *FACTOR if needed (may be repeated) [default: cmd_NAME]
     command: Values | None
@@ -354,7 +354,7 @@ class ValidateOptions(TypedDict, total=False):
     beside: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR, :offset:VALUE and :late:S if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -405,7 +405,7 @@ class ReportOptions(TypedDict, total=False):
     against: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR, :offset:VALUE and :late:S if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: Use only every N-th state, after filtering
     decimate: Value | None
@@ -456,7 +456,7 @@ class RehearseOptions(TypedDict, total=False):
     bandwidth: Value | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR and :offset:VALUE if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT, *FACTOR, :offset:VALUE and :late:S if needed; COLUMN is a header or a number. q3=constant:90:deg is a position that stays, tau_q3=unmeasured an effort whose equations are left out
     column: Values | None
     #: The level of the confidence intervals
     confidence: Value | None

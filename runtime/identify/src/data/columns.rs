@@ -68,8 +68,8 @@ pub enum ValuesFrom {
     Unmeasured,
 }
 
-/// A user's assignment of a quantity to a column: `QUANTITY=COLUMN[:UNIT][*FACTOR][:offset:VALUE[:UNIT]]`,
-/// whose offset is added in SI or its own unit; a position that is the same throughout: `COORDINATE=constant:VALUE[:UNIT]`, or an effort that is not measured:
+/// A user's assignment of a quantity to a column: `QUANTITY=COLUMN[:UNIT][*FACTOR][:offset:VALUE[:UNIT]][:late:S]`,
+/// whose offset is added in SI or its own unit, and whose values are so many seconds old; a position that is the same throughout: `COORDINATE=constant:VALUE[:UNIT]`, or an effort that is not measured:
 /// `tau_JOINT=unmeasured`.
 ///
 /// Quantities are `t`, a coordinate's name, or the name behind `qd_`, `qdd_` or `tau_`. Units
@@ -93,6 +93,8 @@ pub enum ValuesFrom {
 /// assert_eq!((shifted.column.as_str(), shifted.factor, shifted.offset), ("leg 1", -1e-3, 0.02));
 /// let indexed: Assignment = "q2=data.q[:,1]:deg*-1".parse()?;
 /// assert_eq!((indexed.column.as_str(), indexed.unit, indexed.gain), ("data.q[:,1]", Some("deg"), Some(-1.0)));
+/// let late: Assignment = "q2=leg 1:mm:late:0.06".parse()?;
+/// assert_eq!((late.column.as_str(), late.late), ("leg 1", 0.06));
 /// let held: Assignment = "q3=constant:90:deg".parse()?;
 /// assert_eq!((held.from, held.offset), (ValuesFrom::Constant, core::f64::consts::FRAC_PI_2));
 /// let unknown: Assignment = "tau_q3=unmeasured".parse()?;
@@ -115,6 +117,8 @@ pub struct Assignment {
     pub factor: f64,
     /// What is added to the column's entries in SI.
     pub offset: f64,
+    /// How old the column's values are at the times of their rows, s: they are read from rows so much later.
+    pub late: f64,
     /// The unit, if one was given.
     pub unit: Option<&'static str>,
     /// The `FACTOR` of the text, if one was given; of a current the torque constant.
@@ -140,6 +144,7 @@ impl Assignment {
             number: None,
             factor: 1.0,
             offset: 0.0,
+            late: 0.0,
             unit: None,
             gain: None,
             optional: false,
@@ -294,6 +299,10 @@ impl FromStr for Assignment {
         if let Some(found) = without_column(quantity, rest) {
             return found.map_err(|why| AssignmentError(format!("`{text}`: {why}")));
         }
+        let (rest, late) = match rest.rsplit_once(":late:") {
+            Some((rest, late)) => (rest, Some(late)),
+            None => (rest, None),
+        };
         let (rest, offset) = match rest.rsplit_once(":offset:") {
             Some((rest, offset)) => (rest, Some(offset)),
             None => (rest, None),
@@ -346,8 +355,17 @@ impl FromStr for Assignment {
             in_si(&quantity, offset)
                 .map_err(|why| AssignmentError(format!("the offset in `{text}`: {why}")))
         });
+        if late.is_some() && quantity == Quantity::Time {
+            let why = format!("`{text}`: other columns are late behind the times, not these");
+            return Err(AssignmentError(why));
+        }
+        let late = late.map(|late| {
+            let found = expression::evaluate(late.trim());
+            found.map_err(|why| AssignmentError(format!("the delay in `{text}`: {why}")))
+        });
         Ok(Self {
             factor: unit.map_or(1.0, |u| u.1) * factor.unwrap_or(1.0),
+            late: late.transpose()?.unwrap_or(0.0),
             offset: offset.transpose()?.unwrap_or(0.0),
             unit: unit.map(|u| u.0),
             gain: factor,

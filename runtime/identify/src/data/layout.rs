@@ -14,6 +14,8 @@ pub(super) struct Channel {
     pub(super) index: Option<usize>,
     pub(super) factor: f64,
     pub(super) offset: f64,
+    /// How old the values are at the times of their rows, s.
+    pub(super) late: f64,
 }
 
 /// The settings by which columns are found.
@@ -325,12 +327,19 @@ impl<'a> Finder<'a> {
                     .place(&given.column)?
                     .or_else(|| by_number(given, self.header.len())),
             };
+            if self.search.poses && given.late != 0.0 {
+                let column = &given.column;
+                return Err(format!(
+                    "poses at rest have no time at which `{column}` could be late"
+                ));
+            }
             if index.is_some() || !given.optional {
                 let index = index.ok_or_else(|| self.lacks(given, title))?;
                 return Ok(Some(Channel {
                     index: Some(index),
                     factor: given.factor,
                     offset: given.offset,
+                    late: given.late,
                 }));
             }
         }
@@ -368,6 +377,7 @@ impl<'a> Finder<'a> {
             index: Some(index),
             factor: given.factor,
             offset: given.offset,
+            late: 0.0,
         })
     }
 
@@ -415,6 +425,7 @@ impl<'a> Finder<'a> {
                 index: None,
                 factor: 1.0,
                 offset: 0.0,
+                late: 0.0,
             };
             return Ok((counted, None));
         }
@@ -474,6 +485,7 @@ impl Channel {
             index: None,
             factor: 1.0,
             offset: value,
+            late: 0.0,
         }
     }
 
@@ -490,6 +502,7 @@ impl Channel {
             index: Some(index),
             factor: 1.0,
             offset: 0.0,
+            late: 0.0,
         }
     }
 }
@@ -596,7 +609,8 @@ impl ColumnLayout {
             channels.push(found.ok_or_else(|| finder.missing(&effort, "an effort"))?);
         }
         let same = |a: &Channel, b: &Channel| {
-            let changes = (a.factor - b.factor).abs() + (a.offset - b.offset).abs();
+            let changes =
+                (a.factor - b.factor).abs() + (a.offset - b.offset).abs() + (a.late - b.late).abs();
             a.index.is_some() && a.index == b.index && changes <= 0.0
         };
         for (place, channel) in channels.iter().enumerate() {

@@ -127,6 +127,11 @@ pub(super) struct Log {
 }
 
 impl Log {
+    /// By how much each entry of a row is late, s.
+    pub(super) fn late(&self) -> impl Iterator<Item = f64> {
+        self.file.layout.channels.iter().map(|own| own.late)
+    }
+
     /// Passes the usable rows to `each`, as [`LogFile::rows`] does, or those in memory.
     pub(super) fn rows(
         &self,
@@ -784,7 +789,14 @@ fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
     } else {
         0
     };
-    let least = standstill::context(step).max(shifted);
+    let late = log.late().fold(0.0, |m: f64, own| m.max(own.abs()));
+    #[allow(clippy::cast_sign_loss, reason = "neither is negative")]
+    let late = if late > 0.0 {
+        (late / step).ceil() as usize + shift::NEIGHBOURS
+    } else {
+        0
+    };
+    let least = standstill::context(step).max(shifted) + late;
     if log.file.layout.derivatives || log.series.is_some() {
         return Ok(least);
     }
@@ -800,7 +812,8 @@ fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
         Method::Central => support.max(Some(NEIGHBOURS)),
         _ => support,
     };
-    match support.map(|rows| rows.max(least)) {
+    // of what is read late, rows on either side are filtered
+    match support.map(|rows| (rows + late).max(least)) {
         Some(rows) if rows <= MAX_SUPPORT_ROWS => Ok(rows),
         _ => Err(signal(
             &log.file,

@@ -58,7 +58,10 @@ pub(super) fn derivatives(
         });
     }
     if let Some(series) = &log.series {
-        let at: Vec<[f64; 3]> = times.iter().map(|t| series.at(place, *t)).collect();
+        let late = log.late().nth(layout.positions().start + place);
+        let late = late.unwrap_or(0.0);
+        let at = times.iter().map(|t| series.at(place, *t + late));
+        let at: Vec<[f64; 3]> = at.collect();
         let [value, rate, acceleration] = [0, 1, 2].map(|d| at.iter().map(|p| p[d]).collect());
         return Ok(Derivatives {
             value,

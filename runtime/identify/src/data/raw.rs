@@ -83,6 +83,7 @@ impl RawLog {
                         index: None,
                         factor: 1.0,
                         offset: 0.0,
+                        late: 0.0,
                     };
                     (time, None)
                 }
@@ -99,6 +100,7 @@ impl RawLog {
                 index: Some(*index),
                 factor: 1.0,
                 offset: 0.0,
+                late: 0.0,
             });
             let channels: Vec<Channel> = std::iter::once(time).chain(plain).collect();
             let count = numbers.len();

@@ -222,19 +222,23 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
     fn states(&self, log: &Log, rows: &mut Stretch, every: usize, out: &mut Sample) {
         let layout = &log.file.layout;
         let rows = core::mem::take(rows);
+        let on_time = rows.on_time(log.late());
+        let known = on_time.as_ref().map_or(0..rows.len(), |own| own.1.clone());
+        let rows = on_time.map_or(rows, |own| own.0);
         let times = rows.times();
         let efforts = layout.efforts();
         let mut efforts: Vec<Vec<f64>> = efforts.map(|entry| rows.column(entry).to_vec()).collect();
         let m = layout.measured.len();
         let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
-        let mut valid = 0..rows.len();
+        let mut valid = known.clone();
         let method = self.settings.method;
         let Ok(of_all) = motion::all_derivatives(log, method, &rows) else {
             return;
         };
         let resting = self.resting(log, &rows, &of_all);
         let bent = self.bent(log, &rows, &of_all);
-        for own in of_all {
+        for mut own in of_all {
+            own.valid = shift::within(&own.valid, &known, rows.len());
             valid = valid.start.max(own.valid.start)..valid.end.min(own.valid.end);
             motion.push([own.value, own.rate, own.acceleration]);
         }

@@ -30,6 +30,51 @@ pub(super) fn later(times: &[f64], values: &mut [f64], delay: f64) -> Range<usiz
     valid.unwrap_or(0..0)
 }
 
+/// Replaces the values before and behind a range by those on lines through its first and its last two.
+pub(super) fn extend(times: &[f64], values: &mut [f64], inside: &Range<usize>) {
+    let line = |values: &[f64], a: usize, b: usize| -> Option<[f64; 3]> {
+        let (from, value) = (times.get(a)?, values.get(a)?);
+        Some([
+            *from,
+            *value,
+            (values.get(b)? - value) / (times.get(b)? - from),
+        ])
+    };
+    if inside.len() < 2 {
+        return;
+    }
+    let ends = [
+        (
+            0..inside.start,
+            line(values, inside.start, inside.start + 1),
+        ),
+        (
+            inside.end..values.len(),
+            line(values, inside.end - 1, inside.end - 2),
+        ),
+    ];
+    for (outside, line) in ends {
+        let Some([from, value, slope]) = line else {
+            continue;
+        };
+        for k in outside {
+            if let (Some(own), Some(time)) = (values.get_mut(k), times.get(k)) {
+                *own = value + slope * (time - from);
+            }
+        }
+    }
+}
+
+/// The range that a result is valid in if it is known of the rows of another range only, as if these were all.
+pub(super) fn within(valid: &Range<usize>, known: &Range<usize>, rows: usize) -> Range<usize> {
+    let start = valid.start + known.start;
+    start
+        ..known
+            .end
+            .saturating_sub(rows.saturating_sub(valid.end))
+            .max(start)
+}
+
 /// Evaluates at time `t` the polynomial through all points (Lagrange).
 fn lagrange(times: &[f64], values: &[f64], t: f64) -> f64 {
     let mut sum = 0.0;

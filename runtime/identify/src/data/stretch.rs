@@ -1,6 +1,9 @@
 //! Consecutive rows of a log, column by column.
 
+use core::ops::Range;
+
 use super::reader::{EffortSet, LogRow};
+use super::shift;
 use crate::signals::{Butterworth, SignalError};
 
 /// Consecutive rows; their columns are those of [`LogRow::values`].
@@ -100,6 +103,25 @@ impl Stretch {
         })
     }
 
+    /// The rows with each entry at the times at which it was measured, and those of them of which all entries are
+    /// known; `None` if no entry is late. Beyond these, entries that are late go on along a line, as a jump there would
+    /// be motion to a filter.
+    ///
+    /// - `late`: by how much each entry is late, s.
+    pub(super) fn on_time(&self, late: impl Iterator<Item = f64>) -> Option<(Self, Range<usize>)> {
+        let mut moved: Option<Self> = None;
+        let mut known = 0..self.len();
+        for (entry, late) in late.enumerate().filter(|(_, late)| *late != 0.0) {
+            let own = moved.get_or_insert_with(|| self.clone());
+            if let Some(column) = own.columns.get_mut(entry) {
+                let inside = shift::later(self.times(), column, late);
+                shift::extend(self.times(), column, &inside);
+                known = known.start.max(inside.start)..known.end.min(inside.end);
+            }
+        }
+        moved.map(|own| (own, known))
+    }
+
     /// Forgets all rows but the last ones.
     pub(super) fn keep_last(&mut self, rows: usize) {
         let first = self.len().saturating_sub(rows);
@@ -127,6 +149,8 @@ pub(super) fn spread(marked: &[bool], reach: usize) -> Vec<bool> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use super::*;
 
     #[test]
@@ -151,6 +175,29 @@ mod tests {
         rows.clear();
         assert!(rows.bridged().is_empty());
         assert_eq!((rows.len(), rows.times().len(), rows.line(0)), (0, 0, 0));
+    }
+
+    #[test]
+    fn late_entries_are_moved_to_the_times_of_the_others() {
+        let mut rows = Stretch::default();
+        for k in 0..20 {
+            let t = 0.1 * f64::from(k);
+            rows.push(&LogRow {
+                values: vec![t, t * t, 3.0 - t],
+                ..LogRow::default()
+            });
+        }
+        assert!(rows.on_time([0.0; 3].into_iter()).is_none());
+        let (moved, known) = rows.on_time([0.0, 0.35, 0.0].into_iter()).unwrap();
+        assert_eq!(
+            (moved.times(), moved.column(2)),
+            (rows.times(), rows.column(2))
+        );
+        assert!(known.len() > 12 && known.end < 17, "{known:?}");
+        for k in known {
+            let expected = (rows.times()[k] + 0.35).powi(2);
+            assert!((moved.column(1)[k] - expected).abs() < 1e-12);
+        }
     }
 
     #[test]

@@ -194,6 +194,13 @@ fn layout(
                 finder.find(&quantity)?.filter(|_| measured)
             };
             if let Some(channel) = found {
+                if channel.late != 0.0 {
+                    let why = format!(
+                        "`{quantity}` is stated to be late, and no track is moved in time: state the delay of its \
+                         signal in the controllers' file"
+                    );
+                    return Err(why.into());
+                }
                 channels.push(channel);
                 places.push(c);
             }

@@ -114,7 +114,8 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         if !self.rows.bridged().contains(&true) {
             return vec![false; self.rows.len()];
         }
-        let longest = self.delays.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
+        let late = self.log.late().chain(self.delays.iter().copied());
+        let longest = late.fold(0.0, |m: f64, d| m.max(d.abs()));
         let reach = BRIDGE_REACHES * self.reach(Encoder::default()) + longest;
         #[allow(clippy::cast_sign_loss, reason = "neither is negative")]
         let rows = (reach / self.log.survey.time_step()).ceil() as usize;
@@ -129,7 +130,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let filtered = self.fewer.as_ref().map_or(0, |own| 2 * own.every);
         #[allow(clippy::cast_sign_loss, reason = "neither is negative")]
         let moved = |delay: &f64| (delay.abs() / step).ceil() as usize;
-        let reaches = self.delays.iter().map(|own| filtered + moved(own));
+        let late = self.log.late().skip(self.log.file.layout.efforts().start);
+        let late = self.delays.iter().zip(late);
+        let reaches = late.map(|(own, late)| filtered + moved(own) + moved(&late));
         reaches
             .enumerate()
             .map(|(effort, reach)| self.rows.near_unknown(effort, reach))
@@ -143,24 +146,26 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let layout = &self.log.file.layout;
         let m = layout.measured.len();
         let mut valid = self.before..if end { n } else { n - self.support };
-        let times = self.rows.times();
+        let on_time = self.rows.on_time(self.log.late());
+        let rows = on_time.as_ref().map_or(&self.rows, |own| &own.0);
+        let known = on_time.as_ref().map_or(0..n, |own| own.1.clone());
+        let times = rows.times();
         // for each measured coordinate: position, velocity, acceleration
         let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
         let efforts = layout.efforts();
-        let mut efforts: Vec<Vec<f64>> = efforts
-            .map(|entry| self.rows.column(entry).to_vec())
-            .collect();
+        let mut efforts: Vec<Vec<f64>> = efforts.map(|entry| rows.column(entry).to_vec()).collect();
         let file = &self.log.file;
         if n > 0 {
             let method = self.settings.method.of_states(self.log.survey.time_step());
             let derivatives = match &self.fewer {
-                None => motion::all_derivatives(self.log, method, &self.rows),
-                Some(fewer) => (self.rows.passed(&fewer.filter))
+                None => motion::all_derivatives(self.log, method, rows),
+                Some(fewer) => (rows.passed(&fewer.filter))
                     .and_then(|rows| motion::all_derivatives(self.log, method, &rows)),
             };
             match derivatives {
                 Ok(of_all) => {
-                    for found in of_all {
+                    for mut found in of_all {
+                        found.valid = shift::within(&found.valid, &known, n);
                         // within a segment the support already bounds the valid rows
                         let start = if self.before > 0 {
                             0
@@ -198,7 +203,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let mut still: Vec<Vec<bool>> = Vec::with_capacity(m);
         let entries = layout.positions().zip(&self.log.encoders);
         for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {
-            let positions = self.rows.column(entry);
+            let positions = rows.column(entry);
             // a joint that creeps has a velocity, but not the friction of sliding
             // A filter gives a position that does not change no velocity by itself, and so does a series; beside
             // such a rest its output is that of the motion that begins, and zeros there would bias the inertia.
@@ -240,8 +245,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         };
         if let Some(fewer) = &self.fewer {
             let settling = fewer.filter.settling();
-            let start = if self.before > 0 { 0 } else { settling };
-            let stop = if end { n.saturating_sub(settling) } else { n };
+            let all = shift::within(&(settling..n.saturating_sub(settling)), &known, n);
+            let start = if self.before > 0 { 0 } else { all.start };
+            let stop = if end { all.end } else { n };
             valid = valid.start.max(start)..valid.end.min(stop);
             for own in efforts.iter_mut().chain(&mut held) {
                 match fewer.filter.zero_phase(own) {

@@ -250,8 +250,8 @@ fn add_assignments(
     }
     let mut each =
         |name: &str| per_coordinate(node.get(name), found.len(), &below(path, name), sink);
-    let (factors, offsets, gains) = (each("factor"), each("offset"), each("gain"));
-    let (Some(factors), Some(offsets), Some(gains)) = (factors, offsets, gains) else {
+    let lists = [each("factor"), each("offset"), each("late"), each("gain")];
+    let [Some(factors), Some(offsets), Some(late), Some(gains)] = lists else {
         return;
     };
     let unit = node.get("unit").and_then(Node::text).and_then(unit);
@@ -285,6 +285,7 @@ fn add_assignments(
         out.assignments.push(Assignment {
             factor: unit.map_or(1.0, |unit| unit.1) * factor,
             offset: number(&offsets).unwrap_or(0.0),
+            late: number(&late).unwrap_or(0.0),
             unit: unit.map(|unit| unit.0),
             gain,
             ..base
@@ -307,7 +308,7 @@ fn without_column(
         sink.push(node.at, path, message, "name its column");
         return;
     }
-    for key in ["column", "factor", "offset", "gain"] {
+    for key in ["column", "factor", "offset", "late", "gain"] {
         if let Some(other) = node.get(key) {
             let message = format!("a constant has no '{key}'");
             sink.push(

@@ -132,6 +132,11 @@ static COLUMN: Record = record(
             "What is added to the value in SI",
         ),
         optional(
+            "late",
+            Shape::Either(&[OFFSET, Shape::List(&OFFSET, None)]),
+            "How old the values are at the times of their rows, s",
+        ),
+        optional(
             "gain",
             Shape::Either(&[GAIN, Shape::List(&GAIN, None)]),
             "Of an effort that is a current: its torque constant with the gear, N m/A or N/A",

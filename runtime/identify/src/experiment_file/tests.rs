@@ -41,8 +41,16 @@ fn columns(text: &str) -> Vec<String> {
     let line = |a: &crate::data::Assignment| {
         let number = a.number.map_or(String::new(), |_| "#".to_owned());
         format!(
-            "{}={number}{} *{} +{}",
-            a.quantity, a.column, a.factor, a.offset
+            "{}={number}{} *{} +{}{}",
+            a.quantity,
+            a.column,
+            a.factor,
+            a.offset,
+            if a.late == 0.0 {
+                String::new()
+            } else {
+                format!(" late {}", a.late)
+            }
         )
     };
     file.settings.columns.iter().map(line).collect()
@@ -53,6 +61,10 @@ fn patterns_stand_for_parts_of_names_and_single_keys_go_before_them() {
     assert_eq!(
         columns("columns: {q*: 'pos_*', q2: {column: leg, unit: mm, offset: 1/4}}"),
         ["q1=pos_1 *1 +0", "q2=leg *0.001 +0.25"]
+    );
+    assert_eq!(
+        columns("columns: {q*: {column: 'pos_*', late: [0.02, 0]}}"),
+        ["q1=pos_1 *1 +0 late 0.02", "q2=pos_2 *1 +0"]
     );
     assert_eq!(
         columns("columns: {q2: {column: leg}, q*: 'pos_*'}"),
@@ -459,7 +471,7 @@ fn the_schema_closes_every_record_and_describes_every_key() {
     let mut keys = 0;
     visit(&serde_json::from_str(&schema()).unwrap(), &mut keys);
     assert_eq!(
-        keys, 107,
+        keys, 108,
         "keys were added or lost: adjust this number knowingly"
     );
 }

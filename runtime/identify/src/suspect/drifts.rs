@@ -1,6 +1,6 @@
 //! Drifts of an effort away from what the model explains of it.
 
-use super::grams::{Fit, Grams};
+use super::grams::{Fit, Grams, Stored, solve};
 use super::{MIN_DOUBTED_ERROR, Sample};
 
 /// The least part of what is left of an effort that a drift is, in squares, and that it is with a constant.
@@ -24,6 +24,45 @@ pub enum Drifting {
     Constant(f64),
     /// The factor on the effort, by this part of its mean over the log.
     Gain(f64),
+}
+
+/// The mean square of residuals that a drift explains beside constants and multiples of the positions.
+///
+/// - `rows`: time, residual and prediction at each state of equation `i`.
+fn beside_positions(sample: &Sample, grams: &Grams, i: usize, rows: &[[f64; 3]]) -> Option<f64> {
+    let used = grams.stored.iter().filter(|own| own.has(i));
+    let position = |own: &Stored| -> Option<Vec<f64>> {
+        let q = sample.states.get(own.state)?.motion.first()?;
+        Some(q.iter().copied().chain([1.0]).collect())
+    };
+    let motion: Vec<Vec<f64>> = used.map(position).collect::<Option<_>>()?;
+    let n = motion.first()?.len();
+    let mut gram = vec![0.0; n * n];
+    for own in &motion {
+        for (a, x) in own.iter().enumerate() {
+            for (out, y) in gram.iter_mut().skip(a * n).zip(&own[..=a]) {
+                *out += x * y;
+            }
+        }
+    }
+    let left_of = |d: usize| -> Option<Vec<f64>> {
+        let mut right = vec![0.0; n];
+        for (own, row) in motion.iter().zip(rows) {
+            right
+                .iter_mut()
+                .zip(own)
+                .for_each(|(sum, x)| *sum += x * row[d]);
+        }
+        let values = solve(&mut gram.clone(), &right)?;
+        let pairs = motion.iter().zip(rows);
+        let left = pairs
+            .map(|(own, row)| row[d] - own.iter().zip(&values).map(|(x, b)| x * b).sum::<f64>());
+        Some(left.collect())
+    };
+    let (times, residuals) = (left_of(0)?, left_of(1)?);
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    let explained = product(&times, &residuals).powi(2) / product(&times, &times);
+    Some(explained / rows.len() as f64)
 }
 
 /// The efforts of which most that is left is a drift over the log, and matters.
@@ -55,7 +94,13 @@ pub(super) fn search(sample: &Sample, grams: &Grams, fit: &Fit) -> Vec<Drift> {
         let gr = mean(&|p| (p[0] - t) * p[2] * p[1]);
         let gain = gr * gr / gg;
         let is_straight = constant + r * r > MIN_STRAIGHT_PART * squares;
-        if matters(constant) && is_straight && (gain < constant || gain.is_nan()) {
+        // what a slow motion explains as well is no drift
+        let beside_motion = beside_positions(sample, grams, i, &rows)?;
+        if matters(constant)
+            && matters(beside_motion)
+            && is_straight
+            && (gain < constant || gain.is_nan())
+        {
             return Some(Drift {
                 effort,
                 change: Drifting::Constant(tr / tt * whole),

@@ -144,6 +144,28 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     Some(change)
 }
 
+/// The exchange or the signs that explain what changes of the efforts, whose weights hide it: beside a weight the
+/// errors of a gentle motion are small with any columns.
+pub(super) fn beside_weights<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    own: &[f64],
+) -> Option<Change> {
+    let grams = grams.of_changes();
+    let now = grams.fit(&Reading::plain(own.len()), &[])?;
+    let found = search(model, &grams, own, &now)?;
+    // a constant or a factor of what hardly changes is another weight
+    let constant = |k: usize, from: usize| Some(own.get(k)? / own.get(from)?);
+    let mut read = found.efforts.iter().enumerate();
+    let are_plain = read.all(|(k, read)| {
+        constant(k, read.from).is_some_and(|of| (read.factor.abs() / of - 1.0).abs() < 1e-9)
+    });
+    (are_plain && found.number_count() == 0).then_some(Change {
+        beside_weights: true,
+        ..found
+    })
+}
+
 /// The sign, the unit or the exchange of two that explains most of a log of which noise leaves so much that no
 /// change halves the errors.
 pub(super) fn in_noise<M: BaseModel<f64> + ?Sized>(
@@ -428,7 +450,7 @@ fn of_units(grams: &Grams, own: &[f64]) -> Vec<Candidate> {
 }
 
 /// The factor of a unit, or 1, that a factor is near to, with its sign; 1 where nothing tells it.
-fn unit_near(factor: f64) -> Option<f64> {
+pub(super) fn unit_near(factor: f64) -> Option<f64> {
     if factor.abs() < MIN_KNOWN_FACTOR {
         return Some(1.0);
     }
@@ -652,6 +674,52 @@ mod tests {
                 found.after
             );
         }
+    }
+
+    #[test]
+    fn exchanges_and_signs_are_found_beside_weights() {
+        let model = swings(true);
+        // a gentle motion about a posture, with the efforts of weights
+        let gentle = |change: &dyn Fn(&mut crate::data::Measured)| {
+            let mut random = Random(5);
+            with(|_| ())
+                .states
+                .into_iter()
+                .map(|mut own| {
+                    for k in 0..3 {
+                        scale(&mut own, k, 2e-3);
+                        own.motion[0][k] += 1.2;
+                        let [q, qd, qdd] = [0, 1, 2].map(|d| own.motion[d][k]);
+                        let inertia = [0.5, 0.3, 0.4][k];
+                        let friction = [0.2, 0.1, 0.15][k];
+                        let tau = inertia * qdd + 0.6 * 9.81 * q.sin() + friction * qd;
+                        own.efforts[k] = tau + 2e-5 * random.normal();
+                    }
+                    change(&mut own);
+                    own
+                })
+                .collect::<Vec<_>>()
+        };
+        let found = |change: &dyn Fn(&mut crate::data::Measured)| {
+            let states = gentle(change);
+            let grams = grams_of(&super::super::Sample { states, ..sample() });
+            let now = grams.fit(&Reading::plain(3), &[])?;
+            assert!(
+                search(&model, &grams, &[1.0; 3], &now).is_none(),
+                "{:?}",
+                now.errors
+            );
+            beside_weights(&model, &grams, &[1.0; 3]).map(|own| {
+                let each = own.efforts.iter().map(|own| (own.from, own.factor));
+                each.collect::<Vec<_>>()
+            })
+        };
+        assert_eq!(found(&|_| ()), None);
+        // no constant and no factor is told there
+        assert_eq!(found(&|own| own.efforts[1] += 0.02), None);
+        assert_eq!(found(&|own| own.efforts[1] *= 1.003), None);
+        let exchanged = found(&|own| own.efforts.swap(0, 2));
+        assert_eq!(exchanged, Some(vec![(2, 1.0), (1, 1.0), (0, 1.0)]));
     }
 
     #[test]

@@ -36,6 +36,8 @@ pub(super) struct Grams {
     pub(super) stored: Vec<Stored>,
     /// The least error of each equation, see [`Sample::least_errors`].
     pub(super) least: Vec<f64>,
+    /// The square of the least rms of an effort about its mean that errors are compared with, over its rms.
+    least_spread: f64,
 }
 
 /// The equations of a state.
@@ -89,6 +91,8 @@ const MAX_RESTING_PART: f64 = 0.7;
 /// The square of the least rms of an effort about its mean that errors are compared with, over its rms: what is left of
 /// a constant weight may be as large as its change, and is a small error.
 pub(super) const LEAST_SPREAD: f64 = 1e-2;
+/// The same where columns are exchanged or their signs flipped, which no weight hides.
+const LEAST_SPREAD_OF_CHANGES: f64 = 1e-6;
 /// The smallest relative error of an equation that its weight is computed from.
 const MIN_RELATIVE_ERROR: f64 = 1e-3;
 /// Of what an error is below that of noise alone so much counts: no change is made for it, and sizes of changes that are made
@@ -259,6 +263,7 @@ impl Grams {
             postures: Vec::new(),
             stored: Vec::new(),
             least: sample.least_errors.clone(),
+            least_spread: LEAST_SPREAD,
         };
         let apart = (sample.states.len() / every.max(1) / POSTURES).max(1);
         let sticking = sticking(&info, sample, positions);
@@ -400,9 +405,22 @@ impl Grams {
         (out.count > 0.0).then_some(out)
     }
 
+    /// The same sums, whose errors are compared with what changes of the efforts, however large their means are.
+    pub(super) fn of_changes(&self) -> Self {
+        Self {
+            least_spread: LEAST_SPREAD_OF_CHANGES,
+            ..self.clone()
+        }
+    }
+
     /// The number of columns of equation `i`.
     fn size(&self, i: usize) -> usize {
         self.columns + self.acting[i].len() * (self.efforts + 1) + 2
+    }
+
+    /// The number of efforts.
+    pub(super) fn efforts(&self) -> usize {
+        self.efforts
     }
 
     /// The number of base parameters.
@@ -497,7 +515,7 @@ impl Grams {
             .collect();
         let square = self.product(i, &side, &side);
         let mean = self.product(i, &side, &[(last, 1.0)]);
-        let spread = (square - mean * mean / self.count(i)).max(LEAST_SPREAD * square);
+        let spread = (square - mean * mean / self.count(i)).max(self.least_spread * square);
         let values = solve(&mut gram, &right)?;
         let places: Vec<Option<usize>> = places.into_iter().map(Some).collect();
         let left = self.squared_residuals(i, &places, &values, square, &right);
@@ -517,7 +535,7 @@ impl Grams {
             let side = n + order.get(own)?;
             let square = self.entry(i, side, side);
             let mean = self.entry(i, side, self.size(i) - 1);
-            let spread = (square - mean * mean / self.count(i)).max(LEAST_SPREAD * square);
+            let spread = (square - mean * mean / self.count(i)).max(self.least_spread * square);
             let mut places: Vec<(usize, usize, f64)> = (0..n).map(|k| (k, k, 1.0)).collect();
             places.push((n + own, self.constant(i, own)?, 1.0));
             places.push((n + count + own, side, -1.0));
@@ -596,7 +614,7 @@ impl Grams {
             let one = [(self.size(i) - 1, 1.0)];
             let square = self.product(i, &side, &side);
             let mean = self.product(i, &side, &one);
-            let spread = (square - mean * mean / self.count(i)).max(LEAST_SPREAD * square);
+            let spread = (square - mean * mean / self.count(i)).max(self.least_spread * square);
             if spread.partial_cmp(&0.0) != Some(core::cmp::Ordering::Greater) {
                 return None;
             }

@@ -282,7 +282,9 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(beyond(columns, sample));
     }
     let light = match all {
-        Some(own) if out.is_empty() => negative_inertias(model, &own.values, &own.covariance),
+        Some(own) if out.is_empty() => {
+            negative_inertias(model, sample, &own.values, &own.covariance)
+        }
         _ => Vec::new(),
     };
     let are_all_light = !light.is_empty() && light.len() == info.dof();
@@ -699,12 +701,13 @@ fn inertia<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64]) -> Option<Vec<
     Some(mass.into_iter().step_by(dof + 1).collect())
 }
 
-/// The independent coordinates whose inertia a fit makes negative by many of its standard deviations; where all are,
-/// the signs of all efforts, or of all positions, are flipped.
+/// The independent coordinates whose inertia a fit makes negative by many of its standard deviations, and by so much
+/// that it matters for the effort; where all are, the signs of all efforts, or of all positions, are flipped.
 ///
 /// - `covariance`: that of the values, n x n.
 fn negative_inertias<M: BaseModel<f64> + ?Sized>(
     model: &M,
+    sample: &Sample,
     values: &[f64],
     covariance: &[f64],
 ) -> Vec<usize> {
@@ -728,15 +731,30 @@ fn negative_inertias<M: BaseModel<f64> + ?Sized>(
     };
     let is_negative = |(i, m): (usize, &f64)| *m < -CERTAIN_DEVIATIONS * variance(i).sqrt();
     let light = (inertia.iter().enumerate()).filter(|own| own.1 < &0.0 && is_negative(*own));
-    let independent = model.info().independent;
-    light
-        .filter_map(|(k, _)| independent.get(k).copied())
-        .collect()
+    let info = model.info();
+    let light = light.filter_map(|(k, inertia)| Some((*info.independent.get(k)?, *inertia)));
+    // friction and weights that the spec lacks are taken up by small ones
+    let matters = |(coordinate, inertia): &(usize, f64)| {
+        let rms = |values: &mut dyn Iterator<Item = f64>| {
+            let (sum, count) = values.fold((0.0, 0.0), |(sum, n), x| (sum + x * x, n + 1.0));
+            (sum / count).sqrt()
+        };
+        let place = sample.measured.iter().position(|own| own == coordinate);
+        let effort = info.actuated.iter().position(|own| own == coordinate);
+        let (Some(place), Some(effort)) = (place, effort) else {
+            return true;
+        };
+        let states = || sample.states.iter();
+        let acceleration = rms(&mut states().filter_map(|own| own.motion[2].get(place).copied()));
+        let effort = rms(&mut states().filter_map(|own| own.efforts.get(effort).copied()));
+        inertia.abs() * acceleration > MIN_COMPARED_PART * effort
+    };
+    light.filter(matters).map(|own| own.0).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::swings_for_tests::{columns, swings};
+    use super::super::swings_for_tests::{columns, sample, swings};
     use super::*;
 
     #[test]
@@ -769,10 +787,12 @@ mod tests {
         covariance.iter_mut().step_by(8).for_each(|x| *x = 1e-4);
         let light = |second: f64| {
             let values = [0.5, second, 0.4, 0.6, 0.2, 0.1, -0.15];
-            negative_inertias(&model, &values, &covariance)
+            negative_inertias(&model, &sample(), &values, &covariance)
         };
         assert_eq!(light(-0.3), [1]);
         assert_eq!(light(0.3), [0; 0]);
+        // friction takes up what is small beside the effort
+        assert_eq!(light(-0.03), [0; 0]);
         // it may be by chance
         assert_eq!(light(-0.05), [0; 0]);
     }

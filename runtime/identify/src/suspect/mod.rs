@@ -93,6 +93,8 @@ pub struct Change {
     /// Whether the change only flips signs: the errors stay about the same, but friction or inertia
     /// is negative without it.
     pub sign: bool,
+    /// Whether the errors are over what changes of the efforts, which are weights for the most part.
+    pub beside_weights: bool,
     /// Another change that explains the sample about as well; the whole log tells which is right.
     pub rival: Option<Box<Self>>,
 }
@@ -110,6 +112,7 @@ impl Change {
             before: Vec::new(),
             after: Vec::new(),
             sign: false,
+            beside_weights: false,
             rival: None,
         }
     }
@@ -132,6 +135,7 @@ impl Change {
             before: self.before.clone(),
             after: self.after.clone(),
             sign: self.sign,
+            beside_weights: self.beside_weights,
             rival: self.rival.clone(),
             ..Self::none(self.efforts.len(), self.positions.len())
         };
@@ -149,9 +153,9 @@ impl Change {
         is_useless || is_less_explained(&self.before, &self.after)
     }
 
-    /// Whether it contains times, or delays.
+    /// Whether it contains times, or a delay of all efforts.
     fn is_of_times(&self) -> bool {
-        (self.times - 1.0).abs() > f64::EPSILON || self.behind != 0.0 || !self.late.is_empty()
+        (self.times - 1.0).abs() > f64::EPSILON || self.behind != 0.0
     }
 
     /// How many numbers it contains that the equations told.
@@ -195,6 +199,7 @@ impl Change {
             before: self.before.clone(),
             after: next.after.clone(),
             sign: self.sign || next.sign,
+            beside_weights: self.beside_weights || next.beside_weights,
             rival: None,
         }
     }
@@ -492,6 +497,9 @@ fn look_once<M: BaseModel<f64> + ?Sized>(
             best = sign.or(best);
         } else if best.is_none() {
             best = unknowns::constants(model, sample, grams, now);
+        }
+        if best.is_none() && correlation > trial::MAX_CORRELATION_OF_NOISE && !is_noise {
+            best = efforts::beside_weights(model, grams, own);
         }
         let parts = parts::search(sample, grams, now);
         let is_less = |own: &Parts| {

@@ -2,7 +2,7 @@
 //! which is explained by other parameters.
 
 use super::grams::{Fit, Grams, Stored, solve};
-use super::{DOUBTED_ERROR, MIN_DOUBTED_ERROR, Sample, quality, worst};
+use super::{DOUBTED_ERROR, MIN_DOUBTED_ERROR, Reading, Sample, quality, worst};
 
 /// The number of places between which a log may be divided.
 const BLOCKS: usize = 16;
@@ -43,6 +43,8 @@ pub(super) fn search(sample: &Sample, grams: &Grams, now: &Fit) -> Option<Parts>
         .map(|block| sums(block, grams, &|_, _| true))
         .collect();
     let weights = weights(now);
+    // a constant that the model lacks is another weight where the robot hardly moves
+    let before = with_constants(grams, now);
     let mut best: Option<(usize, Vec<f64>)> = None;
     for at in 1..blocks.len() {
         let place = at * length;
@@ -66,9 +68,9 @@ pub(super) fn search(sample: &Sample, grams: &Grams, now: &Fit) -> Option<Parts>
         }
     }
     let (place, after) = best?;
-    let gain = quality(&now.errors) / quality(&after);
+    let gain = quality(&before) / quality(&after);
     // noise of weak efforts, such as those of a wrist, is what no parameters explain
-    let mut pairs = now.errors.iter().zip(&after);
+    let mut pairs = before.iter().zip(&after);
     let is_halved =
         pairs.any(|(before, after)| *before > DOUBTED_ERROR && *before > MIN_GAIN_OF_ONE * after);
     // what is wrong with some efforts is not what makes two parts
@@ -83,6 +85,20 @@ pub(super) fn search(sample: &Sample, grams: &Grams, now: &Fit) -> Option<Parts>
         time: sample.states.get(state)?.time,
         after,
     })
+}
+
+/// The errors that one set of parameters with a constant in each effort leaves, or those without constants if these are
+/// smaller.
+fn with_constants(grams: &Grams, now: &Fit) -> Vec<f64> {
+    let efforts: Vec<usize> = (0..grams.efforts()).collect();
+    let Some(fit) = grams.fit(&Reading::plain(efforts.len()), &efforts) else {
+        return now.errors.clone();
+    };
+    let pairs = fit.errors.iter().zip(&fit.spreads);
+    let pairs = pairs.zip(now.errors.iter().zip(&now.spreads));
+    pairs
+        .map(|((error, size), (before, spread))| (error * size / spread).min(*before))
+        .collect()
 }
 
 /// The weights of the equations: over the squares of their residuals.
@@ -169,7 +185,6 @@ pub(super) fn squares_of(sums: &Sums, values: &[f64]) -> Vec<f64> {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::Reading;
     use super::super::swings_for_tests::{sample, swings};
     use super::*;
 
@@ -201,6 +216,26 @@ mod tests {
             let block = all.states[length].time - all.states[0].time;
             assert!((time - all.states[place].time).abs() <= block, "{time}");
         }
+        // nor are constants, which are weights in a part that hardly moves
+        let model = swings(false);
+        let mut gentle = sample();
+        let (half, mut constants) = (count / 2, [3.0, -2.0, 4.0].into_iter().cycle());
+        for (k, own) in gentle.states.iter_mut().enumerate() {
+            for (effort, joint) in own.efforts.iter_mut().zip(0..) {
+                if k < half {
+                    for of in &mut own.motion {
+                        of[joint] *= 0.02;
+                    }
+                    *effort *= 0.02;
+                }
+                *effort += constants.next().unwrap();
+            }
+        }
+        let plain = Reading::plain(3);
+        let grams = Grams::of(&model, &gentle, &plain, 1).unwrap();
+        let now = grams.fit(&plain, &[]).unwrap();
+        assert!(worst(&now.errors) > DOUBTED_ERROR);
+        assert_eq!(search(&gentle, &grams, &now), None);
         // what is wrong in the same way all along is no second part
         assert_eq!(found(|_, efforts| efforts[1] *= -1.0), None);
         assert_eq!(found(|_, efforts| efforts.swap(0, 1)), None);

@@ -469,6 +469,36 @@ fn a_drift_of_an_effort_is_told_with_its_size() {
 }
 
 #[test]
+fn what_a_slow_motion_explains_is_no_drift() {
+    let model = swings(false);
+    let all = sample();
+    let last = all.states.last().map_or(1.0, |s| s.time);
+    // a joint that goes once from one end to the other, and a moment that the model lacks
+    let swept = |moment: f64, drift: f64| {
+        let mut out = all.clone();
+        for own in &mut out.states {
+            let part = own.time / last;
+            let (q, qd) = (2.0 * part - 1.0 + 0.05 * (2.0 * own.time).sin(), 2.0 / last);
+            let list = [
+                q,
+                qd + 0.1 * (2.0 * own.time).cos(),
+                -0.2 * (2.0 * own.time).sin(),
+            ];
+            for (of, value) in own.motion.iter_mut().zip(list) {
+                of[2] = value;
+            }
+            let [q, qd, qdd] = list;
+            own.efforts[2] =
+                0.4 * qdd + 0.6 * 9.81 * q.sin() + 0.15 * qd + moment * q + drift * part;
+        }
+        let grams = Grams::of(&model, &out, &Reading::plain(3), 1).unwrap();
+        let fit = grams.fit(&Reading::plain(3), &[]).unwrap();
+        drifts::search(&out, &grams, &fit)
+    };
+    assert_eq!(swept(4.0, 0.0), []);
+}
+
+#[test]
 fn a_gain_that_grows_is_told_with_its_size() {
     let model = swings(false);
     let of = |growth: f64| {

@@ -7,9 +7,9 @@ use super::trial::{MAX_CORRELATION_OF_NOISE, correlation};
 use core::cell::Cell;
 
 use super::{
-    Change, DOUBTED_ERROR, MAX_CORRELATION_OF_WHITE, MAX_OFFSET_PART, MIN_DOUBTED_ERROR,
-    MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample, implausible_count,
-    least_states, quality, worst,
+    Change, DOUBTED_ERROR, MAX_CORRELATION_OF_WHITE, MAX_EXPLAINED_ERROR, MAX_OFFSET_PART,
+    MIN_DOUBTED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Measured, Reading, Sample,
+    implausible_count, least_states, quality, worst,
 };
 use regen_runtime::{BaseModel, Motion};
 
@@ -208,7 +208,8 @@ fn search_among<M: BaseModel<f64> + ?Sized>(
     let found = all.settled(found);
     let found = all.rounded(found)?;
     let of_motion = |own: &(Unknown, f64)| !matches!(own.0, Unknown::Effort(_));
-    let is_explained = !found.values.iter().any(of_motion) || found.explains(now, sample);
+    let is_explained = (!found.values.iter().any(of_motion) || found.explains(now, sample))
+        && found.explains_constants();
     let count = found.values.len() as f64;
     let is_certain = found.likelihood_gain(now) > count * MIN_DEVIATIONS * MIN_DEVIATIONS;
     let gain = gain_over(now, &found.fit);
@@ -276,7 +277,8 @@ pub(super) fn constants<M: BaseModel<f64> + ?Sized>(
     let needed = offsets.len() as f64 * MIN_DEVIATIONS * MIN_DEVIATIONS;
     let plausible =
         implausible_count(model, &found.grams, &found.fit) <= implausible_count(model, grams, now);
-    (found.likelihood_gain(now) > needed && plausible).then(|| found.change(model, sample, now))
+    let is_told = found.likelihood_gain(now) > needed && plausible && found.explains_constants();
+    is_told.then(|| found.change(model, sample, now))
 }
 
 /// The sum of the logarithms of the errors.
@@ -442,6 +444,17 @@ impl Tried {
                         || *before > MIN_GAIN_PER_COLUMN * after
                 }
             })
+    }
+
+    /// Whether the efforts with constants are explained with them, but for noise: what leaves most of an effort is
+    /// not what is wrong with it.
+    fn explains_constants(&self) -> bool {
+        let has = |k: usize| self.values.iter().any(|own| own.0 == Unknown::Effort(k));
+        let mut errors = self.fit.errors.iter().enumerate();
+        let are_explained = errors.all(|(i, error)| {
+            *error < MAX_EXPLAINED_ERROR || !self.grams.only_effort(i).is_some_and(has)
+        });
+        are_explained || self.correlation() < MAX_CORRELATION_OF_WHITE
     }
 
     fn weights(&self) -> Vec<f64> {
@@ -913,6 +926,24 @@ mod tests {
             doubted += usize::from(likelihood < least && gain > MIN_GAIN);
         }
         assert!(doubted > 0);
+    }
+
+    #[test]
+    fn a_constant_that_leaves_most_of_its_effort_is_not_told() {
+        let model = swings(false);
+        let found = |other: f64| {
+            let mut sample = sample_of(400, 0.02);
+            for own in &mut sample.states {
+                // of another motion, slow enough to be no noise
+                own.efforts[1] += 8.0 + other * (1.7 * own.time).sin();
+            }
+            let plain = Reading::plain(3);
+            let grams = Grams::of(&model, &sample, &plain, 1).unwrap();
+            let now = grams.fit(&plain, &[]).unwrap();
+            let change = search(&model, &sample, &grams, &now);
+            change.is_some_and(|own| own.offsets[1] != 0.0)
+        };
+        assert!(found(0.0) && !found(30.0));
     }
 
     #[test]

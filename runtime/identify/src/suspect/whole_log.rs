@@ -1,6 +1,7 @@
 //! Fits whole logs with columns that are read in another way, so that a change of columns is advised only where the
 //! log fits better with it.
 
+use super::efforts::unit_near;
 use super::grams::LEAST_SPREAD;
 use super::words::LogColumns;
 use super::{Change, EffortChange, Nominal, Remedy, Sample, Suspicion};
@@ -11,8 +12,10 @@ use regen_runtime::BaseModel;
 const MIN_GAIN_OF_RIVAL: f64 = 1.005;
 /// The factor by which a fit of the whole log may be worse with a change that only flips signs.
 const MAX_LOSS_OF_SIGNS: f64 = 1.02;
-/// The part by which a zero that was found is changed to find a better one.
-const PART_OF_ZERO: f64 = 0.1;
+/// The part by which a number that was found is changed to find a better one.
+const PART_OF_NUMBER: f64 = 0.1;
+/// The factor by which the mean square may be larger with the factor of a unit than with another one.
+const MAX_LOSS_OF_UNIT: f64 = 1.02;
 /// A zero that is a whole number of quarters of a turn, but for rounding, is round.
 const MAX_OFF_QUARTERS: f64 = 1e-9;
 /// The smallest error of an effort that is compared, percent, and the smallest one for which columns are read in
@@ -33,6 +36,14 @@ fn spread_of(values: &[f64], constant: f64) -> f64 {
     (square - mean * mean).max(LEAST_SPREAD * square).sqrt()
 }
 
+/// The size that the errors of an effort are compared with, over the rms of its values about their mean.
+fn of_changes(values: &[f64], constant: f64) -> f64 {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let square = values.iter().map(|u| (u - mean) * (u - mean)).sum::<f64>() / count;
+    spread_of(values, constant) / square.sqrt()
+}
+
 /// The product of the errors of the efforts, as the sum of its logarithms.
 ///
 /// - `least`: what a smaller error counts as, percent.
@@ -49,27 +60,81 @@ struct Fitted {
     errors: Vec<(String, f64)>,
 }
 
-impl Fitted {
-    /// The same change with the zero of its position with which the whole log fits best, if that is its only number:
-    /// the lowest point of a parabola through the mean squares at three zeros.
-    fn with_best_zero(self, fitted: impl Fn(&Change) -> Option<Self>) -> Self {
-        let zeros = self.change.positions.iter().enumerate();
-        let mut zeros = zeros.filter(|(_, own)| own.offset != 0.0);
-        let Some((place, zero)) = zeros.next().map(|(k, own)| (k, own.offset)) else {
-            return self;
+/// A number of a change that the whole log tells better than its sample.
+#[derive(Clone, Copy)]
+enum Number {
+    /// The zero of a position, by its place.
+    Zero(usize),
+    /// How late a position is, by its place in the list.
+    Late(usize),
+    /// The factor of an effort that is none of a unit.
+    Gain(usize),
+}
+
+impl Number {
+    /// The only number of a change, if it is not round.
+    fn only_of(change: &Change) -> Option<Self> {
+        let zeros = change.positions.iter().enumerate();
+        let zeros = zeros.filter(|(_, own)| own.offset != 0.0);
+        let zeros = zeros.map(|(k, _)| Self::Zero(k));
+        let late = (0..change.late.len()).map(Self::Late);
+        let has_gain = |own: &f64| (own.abs() - 1.0).abs() > f64::EPSILON;
+        let gains = change.efforts.iter().enumerate();
+        let gains = gains.filter(|(_, own)| has_gain(&own.factor));
+        let gains = gains.map(|(k, _)| Self::Gain(k));
+        let all: Vec<Self> = zeros.chain(late).chain(gains).collect();
+        let [only] = all[..] else { return None };
+        let is_round = match only {
+            Self::Zero(_) => {
+                let quarters = only.of(change)? / core::f64::consts::FRAC_PI_2;
+                (quarters - quarters.round()).abs() < MAX_OFF_QUARTERS
+            }
+            Self::Late(_) => false,
+            // the constants of motors stay where columns are exchanged
+            Self::Gain(k) => {
+                let unit = unit_near(change.efforts.get(k)?.factor);
+                change.efforts.get(k)?.from != k || unit == Some(change.efforts.get(k)?.factor)
+            }
         };
-        let quarters = zero / core::f64::consts::FRAC_PI_2;
-        let is_round = (quarters - quarters.round()).abs() < MAX_OFF_QUARTERS;
-        if self.change.number_count() != 1 || is_round {
-            return self;
+        let others = change.number_count() - i32::from(!matches!(only, Self::Gain(_)));
+        (!is_round && others == 0).then_some(only)
+    }
+
+    fn of(self, change: &Change) -> Option<f64> {
+        match self {
+            Self::Zero(k) => change.positions.get(k).map(|own| own.offset),
+            Self::Late(k) => change.late.get(k).map(|own| own.1),
+            Self::Gain(k) => change.efforts.get(k).map(|own| own.factor),
         }
-        let first = self.change.clone();
-        let at = |offset: f64| {
-            let mut change = first.clone();
-            let positions = change.positions.iter_mut().skip(place).take(1);
-            positions.for_each(|own| own.offset = offset);
-            fitted(&change)
+    }
+
+    /// The change with another value of this number.
+    fn changed(self, change: &Change, value: f64) -> Change {
+        let mut out = change.clone();
+        let place = match self {
+            Self::Zero(k) => out.positions.get_mut(k).map(|own| &mut own.offset),
+            Self::Late(k) => out.late.get_mut(k).map(|own| &mut own.1),
+            Self::Gain(k) => out.efforts.get_mut(k).map(|own| &mut own.factor),
         };
+        if let Some(own) = place {
+            *own = value;
+        }
+        out
+    }
+}
+
+impl Fitted {
+    /// The same change with the value of its number with which the whole log fits best, if it has only one: the
+    /// lowest point of a parabola through the mean squares at three values. A factor that is nearly that of a unit
+    /// is that.
+    fn with_best_number(self, fitted: impl Fn(&Change) -> Option<Self>) -> Self {
+        let number = Number::only_of(&self.change);
+        let Some((number, value)) = number.and_then(|own| Some((own, own.of(&self.change)?)))
+        else {
+            return self;
+        };
+        let first = self.change.clone();
+        let at = |value: f64| fitted(&number.changed(&first, value));
         let here = self.errors.clone();
         let squares = |own: &Self| {
             let pairs = own.errors.iter().zip(&here);
@@ -77,22 +142,37 @@ impl Fitted {
             let ratios = ratios.filter(|ratio| ratio.is_finite());
             ratios.map(|ratio| ratio * ratio).sum::<f64>()
         };
-        let step = PART_OF_ZERO * zero;
-        let (Some(below), Some(above)) = (at(zero - step), at(zero + step)) else {
+        let step = PART_OF_NUMBER * value;
+        let (Some(below), Some(above)) = (at(value - step), at(value + step)) else {
             return self;
         };
-        let fits = [(zero - step, &below), (zero, &self), (zero + step, &above)];
+        let fits = [
+            (value - step, &below),
+            (value, &self),
+            (value + step, &above),
+        ];
         let lowest = lowest_of_parabola(fits.map(|(x, own)| (x, squares(own))));
-        let within = |x: &f64| (x - zero).abs() < 3.0 * step.abs();
+        let within = |x: &f64| (x - value).abs() < 3.0 * step.abs();
         let best = lowest.filter(within).and_then(at);
         let others = [below, above].into_iter().chain(best);
-        others.fold(self, |best, own| {
+        let best = others.fold(self, |best, own| {
             if squares(&own) < squares(&best) {
                 own
             } else {
                 best
             }
-        })
+        });
+        let unit = match number {
+            Number::Gain(_) => number.of(&best.change).and_then(unit_near),
+            _ => None,
+        };
+        let unit = unit
+            .filter(|unit| (unit.abs() - 1.0).abs() > f64::EPSILON)
+            .and_then(at);
+        match unit.filter(|own| squares(own) < MAX_LOSS_OF_UNIT * squares(&best)) {
+            Some(unit) => unit,
+            None => best,
+        }
     }
 }
 
@@ -117,18 +197,28 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         whole: &WholeFit<'_>,
     ) -> Option<Suspicion> {
         let untried = self.change(change, sample, nominal);
-        // a filter is not that of rows at another rate, and advice on delays cannot be followed here
+        // a filter is not that of rows at another rate, and advice on delays of efforts cannot be followed here
         if change.is_of_times() {
             return untried;
         }
-        let before = whole(&[]);
+        let mut before = whole(&[]);
+        if let (true, Some(before)) = (change.beside_weights, &mut before) {
+            let plain = Change::none(change.efforts.len(), change.positions.len());
+            self.scale(&plain, sample, before, &of_changes);
+        }
         let fitted = |change: &Change| {
             let found = self.change(change, sample, nominal)?;
             let Remedy::Read { columns, .. } = &found.remedy else {
                 return None;
             };
             let mut errors = whole(columns).filter(|_| !columns.is_empty())?;
-            self.over_sizes_without(change, sample, &mut errors);
+            // an effort may be made as large as one likes by a constant, and its relative error as small
+            self.scale(change, sample, &mut errors, &|values, offset| {
+                spread_of(values, offset) / spread_of(values, 0.0)
+            });
+            if change.beside_weights {
+                self.scale(change, sample, &mut errors, &of_changes);
+            }
             let change = change.clone();
             Some(Fitted {
                 change,
@@ -153,7 +243,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             }
         }
         let best = match (best, &before) {
-            (Some(best), _) => best.with_best_zero(fitted),
+            (Some(best), _) => best.with_best_number(fitted),
             // a log that can be read neither so nor otherwise may have further mistakes
             (None, None) if change.before.is_empty() => return untried,
             (None, _) => return None,
@@ -195,21 +285,27 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         Some(out)
     }
 
-    /// Makes errors of efforts from which a change takes constants those over the sizes of the efforts with the
-    /// constants: an effort may be made as large as one likes by one, and its relative error as small.
-    fn over_sizes_without(&self, change: &Change, sample: &Sample, errors: &mut [(String, f64)]) {
+    /// Multiplies the error of each effort by a ratio of sizes of its column, as it is read with a change, without and
+    /// with the constant that the change takes from it.
+    fn scale(
+        &self,
+        change: &Change,
+        sample: &Sample,
+        errors: &mut [(String, f64)],
+        ratio: &dyn Fn(&[f64], f64) -> f64,
+    ) {
         let readings = change.efforts.iter().zip(&change.offsets);
         for (effort, (own, offset)) in readings.enumerate() {
             let coordinate = self.model.info().actuated.get(effort);
             let name = coordinate.map(|own| self.name(*own)).unwrap_or_default();
             let mut errors = errors.iter_mut().filter(|own| own.0 == name);
-            if let Some(error) = errors.next().filter(|_| *offset != 0.0) {
+            if let Some(error) = errors.next() {
                 let values = sample
                     .states
                     .iter()
                     .filter_map(|state| state.efforts.get(own.from));
                 let values: Vec<f64> = values.map(|u| own.factor * u).collect();
-                let ratio = spread_of(&values, *offset) / spread_of(&values, 0.0);
+                let ratio = ratio(&values, *offset);
                 error.1 *= if ratio.is_finite() { ratio } else { 1.0 };
             }
         }
@@ -222,6 +318,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let mut out = Change {
             before: change.before.clone(),
             after: change.after.clone(),
+            beside_weights: change.beside_weights,
             ..none.clone()
         };
         let mut only = none.clone();
@@ -258,6 +355,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let mut out = Change {
             before: change.before.clone(),
             after: change.after.clone(),
+            beside_weights: change.beside_weights,
             ..none
         };
         for (to, from) in exchanged {
@@ -335,6 +433,35 @@ mod tests {
         };
         let found = told(&shifted(quarter, 3.0), &away).unwrap();
         assert!((found.offset - quarter).abs() < 1e-4, "{found:?}");
+    }
+
+    #[test]
+    fn a_factor_and_a_delay_have_the_values_with_which_the_whole_log_fits_best() {
+        let of_factor = |found: f64, best: f64| {
+            let mut change = Change::none(3, 3);
+            change.efforts[1].factor = found;
+            (change.before, change.after) = (vec![0.9; 3], vec![0.1; 3]);
+            let whole = |columns: &[Assignment]| {
+                let off = columns.first().map_or(9.0, |own| own.factor / best - 1.0);
+                Some(left(10.0 * f64::hypot(0.1, off)))
+            };
+            told(&change, &whole).unwrap().factor
+        };
+        let near = |found: f64, expected: f64| (found / expected - 1.0).abs() < 0.01;
+        assert!(near(of_factor(0.2, 0.23), 0.23));
+        // what is nearly a unit is one, unless the log fits clearly worse so
+        assert!((of_factor(10.9, 9.79) - 9.806_65).abs() < 1e-9);
+        assert!(near(of_factor(10.9, 10.8), 10.8));
+        let mut change = Change::none(3, 3);
+        change.late = vec![(1, 0.05)];
+        (change.before, change.after) = (vec![0.9; 3], vec![0.1; 3]);
+        let whole = |columns: &[Assignment]| {
+            let off = columns.first().map_or(9.0, |own| own.late / 0.062 - 1.0);
+            Some(left(10.0 * f64::hypot(0.1, off)))
+        };
+        let found = told(&change, &whole).unwrap();
+        assert_eq!(found.quantity, Quantity::Position("q2".to_owned()));
+        assert!(near(found.late, 0.062), "{found:?}");
     }
 
     #[test]

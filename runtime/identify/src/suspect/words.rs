@@ -375,9 +375,9 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             let column = positions.get(*place).map(|of| self.source(of).column);
             let column = column.unwrap_or_default();
             words.push(format!("column `{column}` looks {:.0} ms late", 1e3 * late));
-            advice.push(
-                "Log it at the time of the others, as no option shifts a position".to_owned(),
-            );
+            let quantity = positions.get(*place);
+            let own = quantity.map(|of| self.late(of, *late, &mut columns));
+            columns.extend(own);
         }
         if change.behind != 0.0 {
             let when = if change.behind > 0.0 { "late" } else { "early" };
@@ -440,6 +440,17 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             efforts: each.collect(),
             remedy: Remedy::Read { advice, columns },
         })
+    }
+
+    /// The assignment of a position, with those of other changes, that reads its column so much later, s.
+    fn late(&self, quantity: &Quantity, late: f64, others: &mut Vec<Assignment>) -> Assignment {
+        let known = others.iter().position(|own| own.quantity == *quantity);
+        let source = known.map_or_else(|| self.source(quantity), |place| others.remove(place));
+        let late = text::figure_of(3, source.late + late);
+        Assignment {
+            late: late.parse().unwrap_or(source.late),
+            ..source
+        }
     }
 
     /// The words on times of another rate, with what reads them; `None` if they are right.
@@ -698,6 +709,26 @@ mod tests {
             "{}",
             both.what
         );
+    }
+
+    #[test]
+    fn a_late_position_is_read_so_much_later_with_its_other_changes() {
+        let mut change = Change::none(3, 3);
+        change.positions[1].factor = -1.0;
+        change.late = vec![(1, 0.0314), (2, 0.05)];
+        let given: Assignment = "q3=leg:late:0.01".parse().unwrap();
+        let found = said(&change, &[given], &[]);
+        let Remedy::Read { advice, columns } = &found.remedy else {
+            panic!("{found:?}");
+        };
+        let read = columns
+            .iter()
+            .map(|own| (own.column.as_str(), own.factor, own.late));
+        assert_eq!(
+            read.collect::<Vec<_>>(),
+            [("q2", -1.0, 0.0314), ("leg", 1.0, 0.06)]
+        );
+        assert!(advice.is_empty() && found.what.contains("column `leg` looks 50 ms late"));
     }
 
     #[test]

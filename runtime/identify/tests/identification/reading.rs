@@ -97,6 +97,56 @@ fn times_in_another_unit_than_seconds_are_told() {
 }
 
 #[test]
+fn a_column_that_is_late_is_read_at_the_time_of_its_values() {
+    for (late, stated) in [(0.063, "0.063"), (-0.045, "-45e-3")] {
+        // the columns of the position and of the effort, one of them late
+        let log = |by: [f64; 2]| {
+            times(900).fold("t,q1,tau_q1\n".to_owned(), |text, t| {
+                let (q, tau) = (at(t - by[0])[0], at(t - by[1])[2]);
+                text + &format!("{t},{q},{tau}\n")
+            })
+        };
+        for (by, column) in [([late, 0.0], "q1=q1"), ([0.0, late], "tau_q1=tau_q1")] {
+            let path = write("late", &format!("{column}{late}.csv"), &log(by));
+            for method in [
+                Method::Central,
+                Method::Butterworth {
+                    order: 4,
+                    cutoff: 20.0,
+                },
+            ] {
+                let read = |columns: &[&str]| {
+                    let settings = Settings {
+                        method,
+                        ..assigned(columns)
+                    };
+                    values(path.clone().into(), &settings)
+                };
+                let off = |values: &[f64]| (values[0] / PHI[0] - 1.0).abs();
+                let found = read(&[&format!("{column}:late:{stated}")]);
+                assert!(off(&found) < 0.01, "{column} {late} {method:?}: {found:?}");
+                let unread = read(&[]);
+                assert!(
+                    off(&unread) > 0.012,
+                    "{column} {late} {method:?}: {unread:?}"
+                );
+            }
+        }
+    }
+    let path = write("late", "poses.csv", "q1,tau_q1\n0.1,1\n0.2,2\n0.3,3\n");
+    let settings = Settings {
+        poses: true,
+        ..assigned(&["q1=q1:late:0.1"])
+    };
+    let error = Logs::open(&Pendulum, &[path.as_path()], &settings).err();
+    let error = error.map(|own| own.to_string()).unwrap_or_default();
+    assert!(
+        error.contains("no time at which `q1` could be late"),
+        "{error}"
+    );
+}
+
+#[test]
 fn a_log_in_another_format_gives_the_same_parameters() {
     let file = |name: &str, row: &dyn Fn(f64) -> String| {
         let text = times(300).fold(String::new(), |text, t| text + &row(t) + "\n");
