@@ -19,6 +19,7 @@ import concurrent.futures
 import json
 import math
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -361,7 +362,7 @@ def changed(spec, random, found):
     changes = {name: 0.0 for name in found["held"]}
     for names in found["equal_by_value"]:
         change = random.uniform(-CHANGE, CHANGE)
-        for name in names.split(" = "):
+        for name in re.findall(r"[A-Za-z_]\w*", names):
             changes.setdefault(name, change)
     for name, text in spec["geometry"].items():
         try:

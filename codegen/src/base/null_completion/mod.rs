@@ -75,7 +75,7 @@ pub(super) struct Completed {
 pub(super) struct Elsewhere {
     /// The eliminated columns of those that are not null there.
     pub(super) failing: BTreeSet<usize>,
-    /// The names that had other values.
+    /// The names that had other values; those of equal size were varied together.
     pub(super) names: Vec<String>,
 }
 
@@ -164,7 +164,12 @@ impl<'a> NullCompletion<'a> {
             failing: failing.map(|(column, _)| column).collect(),
             names: groups
                 .iter()
-                .map(|group| group.members().collect::<Vec<_>>().join(" = "))
+                .map(
+                    |group| match group.members().collect::<Vec<_>>().as_slice() {
+                        [name] => (*name).to_owned(),
+                        names => format!("{} together", names.join(" and ")),
+                    },
+                )
                 .collect(),
         })
     }
