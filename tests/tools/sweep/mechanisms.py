@@ -174,8 +174,7 @@ def end(draft, joint, plane=False, tall=0.3):
 def planar_platform(draft):
     kinds = PLANAR[draft.random.integers(3)]
     first = draft.limb(planar_leg(draft, kinds, (0.3, 0.5)) + planar_leg(draft, ["revolute"], (0.3, 0.5)), base=planar_base(draft, 0, 3))
-    if kinds[-1] == "revolute" or kinds[0] == "revolute":
-        first[-1]["origin"] = {"xyz": [draft.length(0.3, 0.5), "0", "0"]}
+    first[-1]["origin"] = {"xyz": [draft.length(0.3, 0.5), "0", "0"]}
     for k in (1, 2):
         leg = draft.limb(planar_leg(draft, PLANAR[draft.random.integers(3)], (0.3, 0.5)), base=planar_base(draft, k, 3))
         draft.cut("revolute", {"body": first[-1]["body"], "xyz": [draft.signed(0.25), draft.signed(0.25), "0"]},
@@ -198,7 +197,7 @@ def spherical(draft):
 
 
 def spatial_loop(draft):
-    """One loop of turns, shifts and a universal joint, closed by a spherical or cylindrical joint."""
+    """One loop of turns, shifts and a universal joint, closed by a spherical joint."""
     one = ["revolute", "prismatic"]
     first = [draft.joint(str(draft.random.choice(one)), dh=draft.row()),
              draft.joint("universal", origin={"xyz": [draft.length(), "0", draft.maybe(0.3, draft.signed)]})]
@@ -424,7 +423,7 @@ def judged(path, regen, seed):
     random = np.random.default_rng([seed, 12])
     labels = found["parameters"]
     kept = [labels.index(row["label"]) for row in found["base"]]
-    # rows that hold at the spec's values only, are compared there
+    # with rows that hold at the spec's values only, all are compared there alone
     everywhere = all(row["factors"] == "everywhere" for row in found["base"])
     tried = 0
     for _ in range(6 * GEOMETRIES):
