@@ -4,7 +4,7 @@ use regen_codegen::diag::Source;
 use regen_experiment::instruments::instrumental;
 use regen_identify::IdentifiedModel;
 use regen_identify::choice::Choice;
-use regen_identify::data::{Decision, Run};
+use regen_identify::data::{Decision, FileReport, Run};
 use regen_identify::files::ParameterFile;
 use regen_identify::session::{LeastSquaresStart, OpenChoices, Session, chosen, from_logs};
 use regen_identify::signals::Method;
@@ -16,6 +16,9 @@ use crate::args::{DelayArg, IdentifyArgs, ReadingArgs, VelocitiesArg};
 use crate::exit::Failure;
 
 use crate::{identify, load, loads, observe};
+
+/// The most rows of a log from which instrumental variables are tried as a remedy.
+const MAX_TRIED_ROWS: usize = 1 << 17;
 
 /// Whether neither an option nor the experiment file says how positions are differentiated.
 pub(crate) fn is_open(reading: &ReadingArgs) -> bool {
@@ -155,8 +158,8 @@ pub(crate) fn pin_delays(choice: &Choice, reading: &mut ReadingArgs) {
 }
 
 /// What leaves fewer values biased than the result of least squares does, tried on the same logs: corrected
-/// delays, the filter that would be chosen in place of a given one, else instrumental variables; `None` where
-/// no value is biased.
+/// delays, the filter that would be chosen in place of a given one, else instrumental variables, for which the
+/// middles of long logs suffice; `None` where no value is biased.
 ///
 /// - `start`, `file`: the result of least squares, and its values with their statuses;
 /// - `filter`: the one that was chosen, `None` where it was given; `on_time`: the options with corrected delays,
@@ -207,12 +210,15 @@ pub(crate) fn bias_remedy(
             }));
         }
     }
-    let found = instrumental(&session, start, &args.logs, None).ok();
+    let (middles, part) = middles(&args.logs, &start.reports);
+    let found = instrumental(&session, start, &middles, None).ok();
     let found = found.filter(|own| own.instrumental.converged);
     let closer = found.map_or(0, |own| {
         let pairs = file.parameters.iter().zip(&own.model.intervals.base);
         let closer = pairs.filter(|(row, interval)| {
-            row.status == Status::Biased && interval.is_some_and(|own| own.sigma < row.sigma)
+            // the deviations of all rows, which are more
+            let is_closer = |sigma: f64| part.sqrt() * sigma < row.sigma;
+            row.status == Status::Biased && interval.is_some_and(|own| is_closer(own.sigma))
         });
         closer.count()
     });
@@ -223,8 +229,53 @@ pub(crate) fn bias_remedy(
     }))
 }
 
+/// The logs, of each long one its middle only, and the part of all rows that these have.
+fn middles(runs: &[Run], reports: &[FileReport]) -> (Vec<Run>, f64) {
+    let mut out = runs.to_vec();
+    let (mut kept, mut all) = (0, 0);
+    for (run, report) in out.iter_mut().zip(reports) {
+        let rows = report.rows.min(MAX_TRIED_ROWS);
+        (kept, all) = (kept + rows, all + report.rows);
+        if rows < report.rows {
+            let middle = f64::midpoint(report.missing.start, report.missing.end);
+            let half = 0.5 * rows as f64 * report.step;
+            run.times = Some((middle - half, middle + half));
+        }
+    }
+    (out, kept as f64 / all.max(1) as f64)
+}
+
 /// How many values of a file are biased.
 fn biased(file: &ParameterFile) -> usize {
     let rows = file.parameters.iter();
     rows.filter(|row| row.status == Status::Biased).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn of_a_long_log_the_middle_is_tried_and_a_short_one_as_it_is() {
+        let report = |rows: usize| {
+            let mut own = FileReport {
+                rows,
+                step: 0.5,
+                ..FileReport::default()
+            };
+            (own.missing.start, own.missing.end) = (7.0, 7.0 + 0.5 * rows as f64);
+            own
+        };
+        let runs: Vec<Run> = ["a.csv", "b.csv"]
+            .map(|name| Run::from(Path::new(name)))
+            .into();
+        let (cut, part) = middles(&runs, &[report(100), report(3 * MAX_TRIED_ROWS)]);
+        assert_eq!(cut[0].times, None);
+        let [from, to] = cut[1].times.map(|own| [own.0, own.1]).unwrap();
+        let rows = MAX_TRIED_ROWS as f64;
+        assert_eq!([from, to], [7.0 + 0.5 * rows, 7.0 + rows]);
+        assert_eq!(part, (100.0 + rows) / (100.0 + 3.0 * rows));
+    }
 }

@@ -9,6 +9,7 @@ use super::parsed::ParsedRows;
 use super::problem::{DataError, Problem, median};
 use super::reader::{EffortSet, LogFile, LogRow};
 use super::resample::between;
+use super::wrapped::{Unwrapper, Wrapped};
 
 /// The number of rows at the start of a file from which its usual time step is computed.
 const STEP_ROWS: usize = 1001;
@@ -31,6 +32,9 @@ pub(super) struct JoinedRows<'a> {
     row: LogRow,
     /// The numbers of one file in it.
     numbers: Vec<f64>,
+    /// The number of files that are joined row by row.
+    by_row: usize,
+    unwrappers: Vec<Unwrapper>,
 }
 
 /// What a row of all files turned out to be.
@@ -65,7 +69,9 @@ struct Track {
 
 impl<'a> JoinedRows<'a> {
     /// Opens all files of a run before their first rows.
-    pub(super) fn open(file: &'a LogFile) -> Result<Self, DataError> {
+    ///
+    /// - `wrapped`: the positions that are wrapped, which follow their motion in the rows.
+    pub(super) fn open(file: &'a LogFile, wrapped: &[(usize, Wrapped)]) -> Result<Self, DataError> {
         let mut sources = Vec::with_capacity(file.tables.len());
         let mut before = 0;
         for (place, table) in file.tables.iter().enumerate() {
@@ -134,11 +140,21 @@ impl<'a> JoinedRows<'a> {
             outside: None,
             row: LogRow {
                 line: 0,
-                values: vec![0.0; file.layout.channels.len()],
+                // what no source gives stays so
+                values: file
+                    .layout
+                    .channels
+                    .iter()
+                    .map(|own| own.unread())
+                    .collect(),
                 bridged: false,
                 unknown: EffortSet::default(),
             },
             numbers: Vec::new(),
+            by_row: paths.len(),
+            unwrappers: (wrapped.iter())
+                .map(|(entry, own)| Unwrapper::new(*entry, *own))
+                .collect(),
         })
     }
 
@@ -199,9 +215,6 @@ impl<'a> JoinedRows<'a> {
     fn read_all(&mut self) -> Result<Option<Found>, DataError> {
         let channels = &self.file.layout.channels;
         let LogRow { line, values, .. } = &mut self.row;
-        for (value, channel) in values.iter_mut().zip(channels) {
-            *value = channel.unread();
-        }
         *line = 0;
         let mut fault = None;
         let mut lacking = false;
@@ -231,15 +244,14 @@ impl<'a> JoinedRows<'a> {
                 }
             }
         }
-        let by_row = self.sources.iter().filter(|s| s.track.is_none()).count();
         if !ended.is_empty() {
-            return if ended.len() == by_row {
+            return if ended.len() == self.by_row {
                 Ok(None)
             } else {
                 Err(self.unequal(&ended))
             };
         }
-        if by_row == 0 {
+        if self.by_row == 0 {
             return Ok(None);
         }
         if let Some(rate) = self.file.rate {
@@ -248,7 +260,12 @@ impl<'a> JoinedRows<'a> {
         Ok(Some(match fault {
             Some(problem) => Found::Fault(problem),
             None if lacking => Found::Nothing,
-            None => Found::Row,
+            None => {
+                for unwrapper in &mut self.unwrappers {
+                    unwrapper.apply(values);
+                }
+                Found::Row
+            }
         }))
     }
 

@@ -17,6 +17,7 @@ use super::stretch::Stretch;
 use super::survey::Survey;
 use super::unmeasured::Unmeasured;
 use super::window::Window;
+use super::wrapped::Wrapped;
 use crate::estimate::EstimateError;
 use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError, Smoothing};
 use crate::states::{ChangedEfforts, Completion, Filtering, MotionSeries, Source, StateSample};
@@ -57,6 +58,9 @@ pub struct FileReport {
     /// The efforts, by their columns, that jump in some rows and are back in the next ones, where these rows
     /// were bridged; the largest jump is in the unit of the column.
     pub spikes: Vec<(String, Spikes)>,
+    /// The positions, by their columns, that are wrapped, and follow their motion where they are read; the spans are
+    /// in the units of the columns.
+    pub wrapped: Vec<(String, Wrapped)>,
     /// Where rows are missing, left out or interpolated.
     pub missing: MissingRows,
     /// The longest time without a gap or a row that is left out, s.
@@ -140,7 +144,7 @@ impl Log {
     ) -> Result<(), DataError> {
         let Some(kept) = &self.kept else {
             if self.is_whole {
-                return self.file.unchecked_rows(each);
+                return self.file.unchecked_rows(&self.survey, each);
             }
             self.file.rows(&self.survey, problem, each)?;
             return Ok(());
@@ -372,6 +376,13 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 } else {
                     Vec::new()
                 },
+                wrapped: (survey.wrapped.iter())
+                    .map(|(entry, own)| {
+                        let factor = file.layout.channels.get(*entry).map_or(1.0, |c| c.factor);
+                        let span = (own.span / factor).abs();
+                        (file.layout.title(*entry), Wrapped { span, ..*own })
+                    })
+                    .collect(),
                 missing,
                 longest,
                 settling: settling(&file, &survey, settings),

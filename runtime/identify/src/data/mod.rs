@@ -53,6 +53,7 @@ mod thinned;
 mod tracks;
 mod unmeasured;
 mod window;
+mod wrapped;
 
 pub use bridge::Bridged;
 pub(crate) use columns::UNITS;
@@ -70,3 +71,4 @@ pub use sketch::Sketch;
 pub use standstill::{Differences, Encoder, context as rest_context, resting};
 pub use table::{Decimal, Format, Header, Separator};
 pub use tracks::{Track, tracks};
+pub use wrapped::Wrapped;

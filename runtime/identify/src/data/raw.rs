@@ -192,7 +192,7 @@ impl RawLog {
     /// # Errors
     /// When a file cannot be read.
     pub fn visit(&self, each: &mut dyn FnMut(RawRow<'_>)) -> Result<(), DataError> {
-        let mut rows = JoinedRows::open(&self.file)?;
+        let mut rows = JoinedRows::open(&self.file, &[])?;
         while let Some(row) = rows.next_row()? {
             match &row {
                 Ok(row) => each(Ok((row.line, &row.values))),

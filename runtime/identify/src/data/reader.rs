@@ -12,6 +12,7 @@ use super::row_checker::RowChecker;
 use super::run::Run;
 use super::settings::Settings;
 use super::survey::Survey;
+use super::wrapped::Wrapped;
 use regen_runtime::Info;
 
 /// A row in SI, in the order of [`ColumnLayout::channels`].
@@ -227,13 +228,16 @@ impl LogFile {
 
     /// Passes each row, or why it cannot be used, to `each`.
     ///
+    /// - `wrapped`: the positions that are wrapped, which follow their motion in the rows.
+    ///
     /// Returns the first and the last time, s, of the rows outside the times that are asked for; `None` if
     /// there are none.
     pub(super) fn records(
         &self,
+        wrapped: &[(usize, Wrapped)],
         each: &mut RecordSink<'_>,
     ) -> Result<Option<(f64, f64)>, DataError> {
-        let mut rows = JoinedRows::open(self)?;
+        let mut rows = JoinedRows::open(self, wrapped)?;
         while let Some(row) = rows.next_row()? {
             each(row)?;
         }
@@ -251,8 +255,12 @@ impl LogFile {
 
     /// Passes the rows to `each` as they are in the files, each but the first following the one before: of a run in
     /// which [`rows`](Self::rows) found nothing to treat.
-    pub(super) fn unchecked_rows(&self, each: &mut RowSink<'_>) -> Result<(), DataError> {
-        let mut rows = JoinedRows::open(self)?;
+    pub(super) fn unchecked_rows(
+        &self,
+        survey: &Survey,
+        each: &mut RowSink<'_>,
+    ) -> Result<(), DataError> {
+        let mut rows = JoinedRows::open(self, &survey.wrapped)?;
         let mut follows = false;
         while let Some(row) = rows.next_row()? {
             if let Ok(row) = row {
@@ -342,7 +350,7 @@ impl LogFile {
             self.used_faults,
             self.bridging,
         );
-        self.records(&mut |row| checker.take(row, problem, each))?;
+        self.records(&survey.wrapped, &mut |row| checker.take(row, problem, each))?;
         checker.finish(problem, each)
     }
 }

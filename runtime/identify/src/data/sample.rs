@@ -58,6 +58,9 @@ pub struct Sample {
     pub spikes: Vec<Spikes>,
     /// Whether velocities are measured.
     pub has_rates: bool,
+    /// The columns of efforts with few values, each with the step between these in its unit, and the step over the standard
+    /// deviation of the column.
+    pub coarse: Vec<(String, f64, f64)>,
     /// For each measured coordinate the one whose velocity its own is read from, by the names of the columns; empty
     /// where these are their own.
     pub rates_of: Vec<usize>,
@@ -161,6 +164,13 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 })
                 .map(|(entry, rows)| (log.file.layout.title(entry), *rows))
                 .collect(),
+            coarse: (log.file.layout.efforts().zip(&log.survey.steps))
+                .filter_map(|(entry, own)| {
+                    let (step, part) = (*own)?;
+                    let factor = log.file.layout.channels.get(entry)?.factor;
+                    Some((log.file.layout.title(entry), (step / factor).abs(), part))
+                })
+                .collect(),
             doubted_rate: log.survey.doubted_rate.clone(),
             // the times of poses are not those of a clock
             step: if self.settings.poses {
@@ -182,26 +192,25 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             .flat_map(|b| (0..b).map(move |a| [a, b]))
             .collect();
         let mut place = 0;
-        log.file
-            .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
-                if !row.bridged {
-                    spread.push(log, row);
-                }
-                let own = row.values.get(efforts.clone()).unwrap_or_default();
-                pairs.retain(|[a, b]| {
-                    own.get(*a).map(|x| x.to_bits()) == own.get(*b).map(|x| x.to_bits())
-                });
-                let block = place * count / rows.max(1);
-                let within = place < block * rows / count.max(1) + length;
-                place += 1;
-                if !follows || !within {
-                    self.states(log, &mut segment, every, &mut out);
-                }
-                if within {
-                    segment.push(row);
-                }
-                Ok(())
-            })?;
+        log.rows(&mut |_| {}, &mut |row, follows| {
+            if !row.bridged && log.series.is_some() {
+                spread.push(log, row);
+            }
+            let own = row.values.get(efforts.clone()).unwrap_or_default();
+            pairs.retain(|[a, b]| {
+                own.get(*a).map(|x| x.to_bits()) == own.get(*b).map(|x| x.to_bits())
+            });
+            let block = place * count / rows.max(1);
+            let within = place < block * rows / count.max(1) + length;
+            place += 1;
+            if !follows || !within {
+                self.states(log, &mut segment, every, &mut out);
+            }
+            if within {
+                segment.push(row);
+            }
+            Ok(())
+        })?;
         self.states(log, &mut segment, every, &mut out);
         if let Ok(noise) = motion_noise(log, self.settings.method) {
             out.lessen_noise(&noise);

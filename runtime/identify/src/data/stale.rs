@@ -1,4 +1,5 @@
-//! Finds columns that have a new value only every few rows, as those of a slower sensor or topic.
+//! Finds columns that have a new value only every few rows, as those of a slower sensor or topic, and columns of
+//! few values, as those of a coarse sensor.
 
 /// The largest number of rows for which a value is held, and that of changes that are kept.
 const MAX_HELD: usize = 64;
@@ -73,9 +74,94 @@ impl StaleFinder {
     }
 }
 
+/// The largest number of values of a column that has steps, and the smallest one.
+const MAX_VALUES: usize = 64;
+const MIN_STEPPED_VALUES: usize = 4;
+/// The smallest number of rows that show steps.
+const MIN_STEPPED_ROWS: usize = 200;
+/// The smallest step over the spread of the values that matters: the error by smaller ones is below 3 % of it.
+const MIN_STEP_PART: f64 = 0.1;
+/// The largest distance of a value from a whole number of steps.
+const MAX_ROUNDING: f64 = 1e-3;
+
+/// Counts the rows at each value of one column that has few.
+#[derive(Clone, Debug, Default)]
+pub(super) struct StepFinder {
+    /// The values, ascending, each with the number of its rows.
+    values: Vec<(f64, usize)>,
+    has_many: bool,
+}
+
+impl StepFinder {
+    /// Takes the value of the next row.
+    pub(super) fn push(&mut self, value: f64) {
+        if self.has_many {
+            return;
+        }
+        let value = value + 0.0; // -0 is 0
+        match self.values.binary_search_by(|own| own.0.total_cmp(&value)) {
+            Ok(place) => {
+                if let Some((_, rows)) = self.values.get_mut(place) {
+                    *rows += 1;
+                }
+            }
+            Err(place) => {
+                self.values.insert(place, (value, 1));
+                self.has_many = self.values.len() > MAX_VALUES;
+            }
+        }
+    }
+
+    /// The step of which all values are multiples, in their unit and over the standard deviation of the rows; `None`
+    /// where it is small, or there is none.
+    pub(super) fn finish(&self) -> Option<(f64, f64)> {
+        let rows: usize = self.values.iter().map(|own| own.1).sum();
+        if self.has_many || self.values.len() < MIN_STEPPED_VALUES || rows < MIN_STEPPED_ROWS {
+            return None;
+        }
+        let changes = self.values.windows(2).map(|pair| pair[1].0 - pair[0].0);
+        let step = changes.fold(f64::INFINITY, f64::min);
+        let mut from_first = (self.values.iter()).map(|own| (own.0 - self.values[0].0) / step);
+        if !from_first.all(|steps| (steps - steps.round()).abs() < MAX_ROUNDING) {
+            return None;
+        }
+        let mean_of = |of: &dyn Fn(f64) -> f64| {
+            let sum: f64 = (self.values.iter())
+                .map(|own| own.1 as f64 * of(own.0))
+                .sum();
+            sum / rows as f64
+        };
+        let mean = mean_of(&|value| value);
+        let spread = mean_of(&|value| (value - mean).powi(2)).sqrt();
+        let part = step / spread;
+        (part > MIN_STEP_PART).then_some((step, part))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_column_of_few_values_has_their_step_and_one_of_many_has_none() {
+        let of = |step: f64, noise: f64| {
+            let mut finder = StepFinder::default();
+            for k in 0..2000_usize {
+                let own = 3.0 * (0.01 * k as f64).sin() + noise * (k * 7919 % 1009) as f64;
+                finder.push((own / step).round() * step);
+            }
+            finder.finish()
+        };
+        let (step, part) = of(0.7, 0.0).unwrap();
+        assert!(
+            (step - 0.7).abs() < 1e-12 && (0.3..0.4).contains(&part),
+            "{step} {part}"
+        );
+        assert_eq!(of(0.02, 0.0), None);
+        assert_eq!(of(1e-9, 1e-6), None);
+        // friction alone, of either sign
+        assert_eq!(of(100.0, 0.0), None);
+    }
 
     #[test]
     fn values_that_are_held_are_told_from_steps_and_noise() {

@@ -15,8 +15,9 @@ use super::reader::LogFile;
 use super::run::Join;
 use super::sample::Spikes;
 use super::spikes::{Spike, SpikeFinder, said_of};
-use super::stale::StaleFinder;
+use super::stale::{StaleFinder, StepFinder};
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
+use super::wrapped::{WrapFinder, Wrapped};
 use crate::text;
 
 /// What is gathered in a first pass over all rows of a run, however they are used later.
@@ -32,9 +33,11 @@ pub(super) struct Statistics {
     position_changes: Vec<PositionChanges>,
     off_rows: BTreeMap<u64, (usize, OffRow)>,
     held: Vec<usize>,
+    steps: Vec<Option<(f64, f64)>>,
     jumps: BTreeMap<u64, Vec<(usize, f64)>>,
     doubted_rate: Option<(String, String)>,
     uncut: Option<(f64, f64)>,
+    wrapped: Vec<(usize, Wrapped)>,
 }
 
 /// The rows of which statistics were gathered.
@@ -47,6 +50,7 @@ pub(super) struct Surveyed {
     layout: ColumnLayout,
     rate: Option<f64>,
     poses: bool,
+    keeps_outliers: bool,
 }
 
 /// Statistics of all rows of a run, with what follows from how faulty rows are used.
@@ -68,6 +72,9 @@ pub(super) struct Survey {
     pub(super) position_changes: Vec<PositionChanges>,
     /// For each entry of a row the number of rows after which it has a new value.
     pub(super) held: Vec<usize>,
+    /// For each effort the step of which all its values are multiples, N or N m, and over their standard deviation;
+    /// `None` where it is small.
+    pub(super) steps: Vec<Option<(f64, f64)>>,
     /// The rows at which positions jump for good, by their lines: the entries and the changes.
     pub(super) jumps: BTreeMap<u64, Vec<(usize, f64)>>,
     /// The rows in which a position is that of a run of outliers, by their lines, with the entry.
@@ -78,6 +85,8 @@ pub(super) struct Survey {
     /// The first and the last time of the log, s, where all its rows are within the times that are
     /// asked for.
     pub(super) uncut: Option<(f64, f64)>,
+    /// The entries of the positions that are wrapped.
+    pub(super) wrapped: Vec<(usize, Wrapped)>,
 }
 
 /// The least number of rows at the value next to the largest one, and over those at the largest one, of values that
@@ -158,8 +167,10 @@ impl LogFile {
             layout: self.layout.clone(),
             rate: self.rate,
             poses: self.poses,
+            keeps_outliers: self.used_faults.outliers,
         };
-        let found = (self.run.parsed).statistics(surveyed, || self.statistics(names))?;
+        let found =
+            (self.run.parsed).statistics(surveyed, || self.statistics(names, Vec::new()))?;
         if let Some(rate) = self.resample
             && rate * found.raw_step < MIN_RESAMPLED_RATE
         {
@@ -192,14 +203,22 @@ impl LogFile {
             position_changes: found.position_changes.clone(),
             off_rows: found.off_rows.clone(),
             held: found.held.clone(),
+            steps: found.steps.clone(),
             jumps: found.jumps.clone(),
             doubted_rate: found.doubted_rate.clone(),
             uncut: found.uncut,
+            wrapped: found.wrapped.clone(),
         })
     }
 
-    /// Gathers the statistics of all rows of the run.
-    fn statistics(&self, names: &[String]) -> Result<Statistics, DataError> {
+    /// Gathers the statistics of all rows of the run, again if positions turn out to be wrapped.
+    ///
+    /// - `wrapped`: the entries of the positions that are known to be.
+    fn statistics(
+        &self,
+        names: &[String],
+        wrapped: Vec<(usize, Wrapped)>,
+    ) -> Result<Statistics, DataError> {
         let mut times: Vec<f64> = Vec::new();
         let mut extremes = vec![[Extreme::default(); 2]; self.layout.efforts];
         let positions = self.layout.positions();
@@ -207,6 +226,7 @@ impl LogFile {
         let mut bursts = vec![BurstFinder::default(); positions.len()];
         let mut effort_bursts = vec![BurstFinder::default(); self.layout.efforts().len()];
         let mut stale = vec![StaleFinder::default(); self.layout.channels.len()];
+        let mut steps = vec![StepFinder::default(); self.layout.efforts().len()];
         let mut finder = DropoutFinder::default();
         let mut spikes = SpikeFinder::new(self.layout.efforts().len());
         let mut rates = Rates::default();
@@ -229,7 +249,11 @@ impl LogFile {
         let mut rate_row = Vec::new();
         let mut last_time = None;
         let mut range: Option<(f64, f64)> = None;
-        let outside = self.records(&mut |row| {
+        // poses at rest follow no motion, and outliers that are kept are used as they are
+        let looks_for_wraps = wrapped.is_empty() && !(self.poses || self.used_faults.outliers);
+        let mut wraps =
+            vec![WrapFinder::default(); if looks_for_wraps { positions.len() } else { 0 }];
+        let outside = self.records(&wrapped, &mut |row| {
             let Ok(row) = row else {
                 last_time = None;
                 return Ok(());
@@ -250,19 +274,26 @@ impl LogFile {
                 if self.poses || last_time.is_none_or(|last| time <= last) {
                     histories.iter_mut().for_each(PositionHistory::pause);
                     bursts.iter_mut().for_each(BurstFinder::pause);
+                    wraps.iter_mut().for_each(WrapFinder::pause);
                     effort_bursts.iter_mut().for_each(BurstFinder::pause);
                     finder.pause();
                     spikes.pause();
                     rates.pause();
                     accelerations.pause();
                 }
-                for (stale, value) in stale.iter_mut().zip(&row.values) {
-                    stale.push(*value);
+                // of rows with the same time one is used
+                if last_time != Some(time) {
+                    for (stale, value) in stale.iter_mut().zip(&row.values) {
+                        stale.push(*value);
+                    }
                 }
                 finder.push(row.line, &row.values);
                 spikes.push(row.line, time, &row.values[self.layout.efforts()]);
                 last_time = Some(time);
                 let row_positions = &row.values[positions.clone()];
+                for (wrap, value) in wraps.iter_mut().zip(row_positions) {
+                    wrap.push(*value);
+                }
                 for (history, value) in histories.iter_mut().zip(row_positions) {
                     history.push(row.line, *value);
                 }
@@ -270,6 +301,9 @@ impl LogFile {
                     burst.push(row.line, time, *value);
                 }
                 let efforts = &row.values[self.layout.efforts()];
+                for (step, value) in steps.iter_mut().zip(efforts) {
+                    step.push(*value);
+                }
                 for (burst, value) in effort_bursts.iter_mut().zip(efforts) {
                     burst.push(row.line, time, *value);
                 }
@@ -295,6 +329,12 @@ impl LogFile {
                 "no row has a time from {start} s to {end} s: those of the log are from {first} s to \
                  {last} s; `times` are in s, whatever the unit of the column of time is"
             )));
+        }
+        let found = positions.clone().zip(wraps);
+        let found = found.filter_map(|(entry, wrap)| Some((entry, wrap.finish()?)));
+        let found: Vec<(usize, Wrapped)> = found.collect();
+        if !found.is_empty() {
+            return self.statistics(names, found);
         }
         let uncut = range.filter(|_| self.run.times.is_some() && outside.is_none());
         let pair = |coordinate: usize, position: usize, velocity: usize| {
@@ -390,9 +430,11 @@ impl LogFile {
             position_changes,
             off_rows,
             held: stale.into_iter().map(StaleFinder::finish).collect(),
+            steps: steps.iter().map(StepFinder::finish).collect(),
             jumps,
             doubted_rate,
             uncut,
+            wrapped,
         })
     }
 

@@ -325,6 +325,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     );
     out.extend(columns.spikes(&sample.spikes));
     out.extend(held(columns, sample));
+    out.extend(coarse(columns, sample));
     if let Some((what, remedy)) = &sample.doubted_rate {
         let assignments: Result<Vec<Assignment>, _> = remedy.lines().map(str::parse).collect();
         let remedy = assignments.map_or_else(
@@ -381,6 +382,29 @@ fn held<M: BaseModel<f64> + ?Sized>(
     (!words.is_empty()).then(|| {
         let advice = "Its values are up to as many rows old, as those of a slower sensor or topic: log it \
                       with the others";
+        columns.suspicion(
+            words.join(", and "),
+            Remedy::Read {
+                advice: vec![advice.to_owned()],
+                columns: Vec::new(),
+            },
+        )
+    })
+}
+
+/// The columns of efforts that have few values.
+fn coarse<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+) -> Option<Suspicion> {
+    let one = |(title, step, part): &(String, f64, f64)| {
+        let percent = text::figure_of(2, 100.0 * part);
+        let step = text::figure_of(4, *step);
+        format!("column `{title}` has steps of {step}, {percent} % of its standard deviation")
+    };
+    let words: Vec<String> = sample.coarse.iter().map(one).collect();
+    (!words.is_empty()).then(|| {
+        let advice = "What happens between the steps of a sensor or converter is lost: log it with more digits";
         columns.suspicion(
             words.join(", and "),
             Remedy::Read {

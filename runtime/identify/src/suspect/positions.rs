@@ -1,4 +1,4 @@
-//! Hypotheses on the columns of positions: with flipped signs, exchanged, in degrees or
+//! Hypotheses on the columns of positions: with flipped signs, exchanged, in degrees, counts or
 //! millimetres. Each takes a pass over some of the states.
 
 use super::grams::{Fit, Grams, MAX_STEPS};
@@ -9,6 +9,7 @@ use super::{
     least_states, quality, worst,
 };
 use crate::states::{Completed, Completion};
+use core::f64::consts::TAU;
 use regen_runtime::{BaseModel, Motion};
 
 /// Fits whose product of errors is within this factor of the best count as equally good.
@@ -27,6 +28,10 @@ const MIN_STATES: usize = 40;
 /// whose weights are constants then.
 const MIN_RANGE: f64 = 0.05;
 const MIN_RANGE_OF_SLIDE: f64 = 2e-3;
+
+/// The range of a joint's motion, rad, beyond which it may be in counts, and the bits of these in one turn.
+const MAX_RANGE: f64 = 4.0 * TAU;
+const COUNTS_OF_A_TURN: [u32; 15] = [9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23];
 
 /// The number of hypotheses that are tried at all states.
 const FINALISTS: usize = 6;
@@ -577,6 +582,19 @@ pub(super) fn is_mirrored<M: BaseModel<f64> + ?Sized>(
     !within(1.0) && within(-1.0)
 }
 
+/// The factors that make an angle of counts of an encoder, of as many as a power of two in one turn, where it is beyond
+/// the angles of joints and is one of up to a turn with them.
+fn counts_of(sample: &Sample, positions: &[Reading], k: usize) -> impl Iterator<Item = f64> {
+    let (low, high) = range(sample, k);
+    let read = positions.get(k).map_or(1.0, |own| own.factor.abs());
+    let width = (high - low) * read;
+    let factors = COUNTS_OF_A_TURN.map(|bits| TAU / f64::from(1_u32 << bits));
+    let is_angle = move |factor: &f64| (MIN_RANGE..TAU).contains(&(width * factor));
+    factors
+        .into_iter()
+        .filter(move |factor| width > MAX_RANGE && is_angle(factor))
+}
+
 /// All hypotheses on the units, the signs and the exchange of positions, starting from these
 /// readings.
 fn candidates<M: BaseModel<f64> + ?Sized>(
@@ -672,6 +690,11 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
         if sample.measured.len() > 1 && moves_in_unit(k, *c) {
             out.push(plain(scaled(&|other| other == *c), 1));
         }
+        for counts in counts_of(sample, positions, k).filter(|_| motion(*c) == Motion::Rotation) {
+            let mut counted = plain(positions.to_vec(), 1);
+            counted.positions[k].factor *= counts;
+            out.push(counted);
+        }
         let mut flipped = plain(positions.to_vec(), 1);
         flipped.positions[k].factor *= -1.0;
         if let Some(a) = actuator(*c) {
@@ -733,7 +756,7 @@ mod tests {
         let plain = Reading::plain(3);
         // a motion that would be none in another unit is not tried in it
         let small = candidates(&model, &sample(), &own, &plain, &plain);
-        let wide = with(|s| s.motion[0].iter_mut().for_each(|q| *q *= 100.0));
+        let wide = with(|s| s.motion[0].iter_mut().for_each(|q| *q *= 5.0));
         let all = candidates(&model, &wide, &own, &plain, &plain);
         assert!(small.len() < all.len());
         let degree = core::f64::consts::PI / 180.0;
@@ -768,6 +791,27 @@ mod tests {
         // both rotations, the slide, and each alone
         assert_eq!(scaled, [vec![0, 1], vec![2], vec![0], vec![1], vec![2]]);
         assert_eq!((turned, exchanged), (3, 2));
+    }
+
+    #[test]
+    fn a_position_beyond_the_angles_of_joints_may_be_in_counts_of_as_many_as_a_power_of_two() {
+        let (model, plain) = (swings(true), Reading::plain(3));
+        let counted = |by: f64| -> Vec<f64> {
+            let log = with(|s| s.motion[0][1] *= by);
+            let all = candidates(&model, &log, &[1.0; 3], &plain, &plain);
+            let changed = all.iter().filter(|own| own.positions[0] == plain[0]);
+            let factors = changed.map(|own| own.positions[1].factor);
+            let degree = core::f64::consts::PI / 180.0;
+            let is_counts =
+                |own: &f64| (0.0..1.0).contains(own) && (own / degree - 1.0).abs() > 0.1;
+            factors.filter(is_counts).collect()
+        };
+        assert_eq!(counted(1.0), [0.0; 0]);
+        let found = counted(4096.0 / TAU);
+        assert!(
+            found.contains(&(TAU / 4096.0)) && found.len() < 9,
+            "{found:?}"
+        );
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use regen_codegen::explain::lines::field;
 use regen_identify::choice::{Candidate, Choice};
-use regen_identify::data::{Bridged, FileReport, Policies, Policy, Problems, Spikes};
+use regen_identify::data::{Bridged, FileReport, Policies, Policy, Problems, Spikes, Wrapped};
 use regen_identify::identify::LeftOut;
 use regen_identify::text::{counted, figure_of};
 use serde::Serialize;
@@ -231,7 +231,7 @@ pub const READ_AS_POSES: &str = "they jump from row to row as separate poses do,
 /// name of the log.
 ///
 /// ```
-/// use regen_identify::data::FileReport;
+/// use regen_identify::data::{FileReport, Wrapped};
 /// use regen_report::results::doubts_of_log;
 ///
 /// let mut log = FileReport { rows: 97, ..FileReport::default() };
@@ -239,6 +239,8 @@ pub const READ_AS_POSES: &str = "they jump from row to row as separate poses do,
 /// (log.bridged.count, log.bridged.rows, log.bridged.largest) = (2, 3, 2);
 /// let found = doubts_of_log(&log);
 /// assert!(found[0].starts_with("2 gaps or dropouts of up to 2 rows were bridged: 3 rows (3.0 %)"), "{found:?}");
+/// log.wrapped = vec![("angle".to_owned(), Wrapped { span: 360.0, jumps: 1 })];
+/// assert!(doubts_of_log(&log)[0].contains("column `angle` by 360 (once)"));
 /// ```
 pub fn doubts_of_log(report: &FileReport) -> Vec<String> {
     let mut out = Vec::new();
@@ -265,6 +267,7 @@ pub fn doubts_of_log(report: &FileReport) -> Vec<String> {
             figure_of(3, 100.0 * part)
         ));
     }
+    out.extend(wrapped(report));
     out.extend(spikes(report));
     out.extend(gaps(report));
     for policy in [Policy::Fail, Policy::Drop, Policy::Tell, Policy::Keep] {
@@ -272,6 +275,26 @@ pub fn doubts_of_log(report: &FileReport) -> Vec<String> {
         out.extend(treated(&problems, policy));
     }
     out
+}
+
+/// Which positions are wrapped.
+fn wrapped(report: &FileReport) -> Option<String> {
+    let one = |(column, own): &(String, Wrapped)| {
+        let times = if own.jumps == 1 {
+            "once".to_owned()
+        } else {
+            format!("{} times", own.jumps)
+        };
+        format!("`{column}` by {} ({times})", figure_of(6, own.span))
+    };
+    let columns: Vec<String> = report.wrapped.iter().map(one).collect();
+    (!columns.is_empty()).then(|| {
+        format!(
+            "positions jump from one end of their range to the other, as they are wrapped: column {}: they are read \
+             without these jumps; `checks: {{outliers: keep}}` uses them as they are",
+            columns.join(", ")
+        )
+    })
 }
 
 /// Which efforts jump in single rows of a log.
