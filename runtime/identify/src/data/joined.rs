@@ -214,7 +214,12 @@ impl<'a> JoinedRows<'a> {
     /// Reads the next row of all files; `None` behind the last one.
     fn read_all(&mut self) -> Result<Option<Found>, DataError> {
         let channels = &self.file.layout.channels;
-        let LogRow { line, values, .. } = &mut self.row;
+        let LogRow {
+            line,
+            values,
+            bridged,
+            ..
+        } = &mut self.row;
         *line = 0;
         let mut fault = None;
         let mut lacking = false;
@@ -261,8 +266,9 @@ impl<'a> JoinedRows<'a> {
             Some(problem) => Found::Fault(problem),
             None if lacking => Found::Nothing,
             None => {
+                *bridged = false;
                 for unwrapper in &mut self.unwrappers {
-                    unwrapper.apply(values);
+                    *bridged |= unwrapper.apply(values);
                 }
                 Found::Row
             }

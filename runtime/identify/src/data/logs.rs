@@ -230,14 +230,13 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
     ) -> Result<Self, DataError> {
         let info = model.info();
         let policies = settings.policies();
-        let names: Vec<String> = info.coordinates.iter().map(|n| (*n).to_owned()).collect();
         let mut files = Vec::with_capacity(runs.len());
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
             let file = LogFile::open(&run.clone().into(), &info, settings)?;
             require_names(&file.name, &info, settings)?;
             require_measured(&file, &info, settings)?;
-            let survey = file.survey(&names)?;
+            let survey = file.survey(&info)?;
             let mut problems = Problems::default();
             let (mut rows, mut rows_in_all) = (0, 0);
             let mut fit = match settings.method {

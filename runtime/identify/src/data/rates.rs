@@ -39,6 +39,8 @@ pub(super) struct Pair {
     pub(super) velocity: String,
     /// The factors that both are read with.
     pub(super) factors: [f64; 2],
+    /// The widest range of positions that the joint has or, without limits, joints have.
+    pub(super) widest: f64,
 }
 
 /// Which ratios of a rate to its derivative are mistakes.
@@ -92,6 +94,8 @@ pub(super) struct Rates {
     /// Sums of squared changes, of squared integrals, and of products of the change of position k
     /// with the integral of velocity j, at k * m + j.
     change_squares: Vec<f64>,
+    /// The smallest and the largest position.
+    ranges: Vec<[f64; 2]>,
     /// Sums of squared changes between rows.
     step_squares: Vec<f64>,
     integral_squares: Vec<f64>,
@@ -105,10 +109,14 @@ impl Rates {
     pub(super) fn push(&mut self, m: usize, row: &[f64]) {
         if self.change_squares.len() != m {
             self.change_squares = vec![0.0; m];
+            self.ranges = vec![[f64::INFINITY, f64::NEG_INFINITY]; m];
             self.step_squares = vec![0.0; m];
             self.integral_squares = vec![0.0; m];
             self.products = vec![0.0; m * m];
             self.rate_squares = vec![0.0; m];
+        }
+        for ([low, high], own) in self.ranges.iter_mut().zip(&row[1..]) {
+            (*low, *high) = (low.min(*own), high.max(*own));
         }
         if self.rows == 0 {
             self.start = row.to_vec();
@@ -226,6 +234,7 @@ impl Rates {
                 position,
                 velocity,
                 factors: [_, factor],
+                ..
             } = pair;
             if !moves(k) {
                 continue;
@@ -298,7 +307,8 @@ impl Rates {
                 MAX_RATIO
             };
             if !(1.0 / most..most).contains(&slope) {
-                found.push(scaled(slope, pair, words));
+                let [low, high] = self.ranges[k];
+                found.push(scaled(slope, pair, words, high - low));
             } else if strictness == Strictness::Doubted && words.is_of_accelerations() {
                 // of white noise, the change between rows is twice what a row adds to the integral
                 let noise = 0.5 * self.rate_squares[k] / self.integral_squares[k];
@@ -396,12 +406,15 @@ const PER_SECOND: f64 = 0.159_154_943_091_895_35;
 const COMMON_TOLERANCE: f64 = 0.02;
 
 /// The mistake of a velocity that is `slope` times the rate of its position.
-fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {
+///
+/// - `width`: the range of the positions.
+fn scaled(slope: f64, pair: &Pair, words: Words, width: f64) -> Unfit {
     let Pair {
         name,
         position,
         velocity,
         factors,
+        widest,
     } = pair;
     let Words {
         rate,
@@ -432,6 +445,10 @@ fn scaled(slope: f64, pair: &Pair, words: Words) -> Unfit {
                 words,
                 format!("{of}{name}={position}:{unit}{}", sign(factors[0])),
             )
+        } else if of.is_empty() && width > *widest && width * slope < *widest {
+            let words = "values before a gear or counts: the joint does not move so far";
+            let factor = figure(factors[0] * slope);
+            (position, words, format!("{of}{name}={position}*{factor}"))
         } else {
             return Unfit {
                 why: format!("{head}: a unit or a gear is missing. Read one of them with"),
@@ -474,6 +491,7 @@ mod tests {
 
     fn pair(name: &str) -> super::Pair {
         super::Pair {
+            widest: f64::INFINITY,
             name: name.to_owned(),
             position: name.to_owned(),
             velocity: format!("v{name}"),

@@ -284,7 +284,7 @@ impl<'a> RowChecker<'a> {
         }
         let mut own = self.spare.pop().unwrap_or_default();
         own.line = row.line;
-        (own.bridged, own.unknown) = (false, EffortSet::default());
+        (own.bridged, own.unknown) = (row.bridged, EffortSet::default());
         own.values.clone_from(&row.values);
         let off = self.survey.off_rows.get(&row.line);
         let fault = off.map(|(entry, off)| {

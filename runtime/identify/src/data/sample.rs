@@ -64,6 +64,9 @@ pub struct Sample {
     /// For each measured coordinate the one whose velocity its own is read from, by the names of the columns; empty
     /// where these are their own.
     pub rates_of: Vec<usize>,
+    /// The measured coordinates that were wrapped by other spans than turns, with these spans, rad or m: their zeros
+    /// are known but for multiples of them.
+    pub wrapped: Vec<(usize, f64)>,
     /// The efforts that are stated as not measured: indices into `Info::actuated`.
     pub unmeasured: Vec<usize>,
     /// The pairs of efforts that are read from columns with the same values in all rows, whatever their delays.
@@ -163,6 +166,10 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                         }
                 })
                 .map(|(entry, rows)| (log.file.layout.title(entry), *rows))
+                .collect(),
+            wrapped: (log.survey.wrapped.iter())
+                .filter(|(_, own)| !own.is_turn())
+                .map(|(entry, own)| (entry - log.file.layout.positions().start, own.span))
                 .collect(),
             coarse: (log.file.layout.efforts().zip(&log.survey.steps))
                 .filter_map(|(entry, own)| {

@@ -19,6 +19,8 @@ use super::stale::{StaleFinder, StepFinder};
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
 use super::wrapped::{WrapFinder, Wrapped};
 use crate::text;
+use core::f64::consts::TAU;
+use regen_runtime::{Info, Joint, Motion};
 
 /// What is gathered in a first pass over all rows of a run, however they are used later.
 #[derive(Debug)]
@@ -144,6 +146,18 @@ impl Survey {
     }
 }
 
+/// The widest range of the positions of a joint, rad or m, with a margin for the zero of its encoder.
+fn widest(joint: &Joint) -> f64 {
+    match (joint.limits.position, joint.motion) {
+        (Some([low, high]), _) => MAX_OF_LIMITS * (high - low),
+        (None, Motion::Rotation) => MAX_TURNS * TAU,
+        (None, Motion::Translation) => f64::INFINITY,
+    }
+}
+
+/// A range of positions over that of its limits, and one in turns without limits, that no joint has.
+const MAX_OF_LIMITS: f64 = 1.2;
+const MAX_TURNS: f64 = 4.0;
 /// Number of first rows from whose times the median step is computed.
 const STEP_ROWS: usize = 1001;
 /// Rows from one whose position is off to the next of the same burst, at most.
@@ -157,8 +171,8 @@ const MAX_RESAMPLED_RATE: f64 = 20.0;
 impl LogFile {
     /// Statistics of all rows of the run, which are gathered in the first pass over them.
     ///
-    /// - `names`: the names of all coordinates.
-    pub(super) fn survey(&self, names: &[String]) -> Result<Survey, DataError> {
+    /// - `info`: that of the robot.
+    pub(super) fn survey(&self, info: &Info<'_>) -> Result<Survey, DataError> {
         let surveyed = Surveyed {
             tables: self.tables.iter().map(Table::parsed).cloned().collect(),
             rows: self.run.rows,
@@ -169,8 +183,7 @@ impl LogFile {
             poses: self.poses,
             keeps_outliers: self.used_faults.outliers,
         };
-        let found =
-            (self.run.parsed).statistics(surveyed, || self.statistics(names, Vec::new()))?;
+        let found = (self.run.parsed).statistics(surveyed, || self.statistics(info, Vec::new()))?;
         if let Some(rate) = self.resample
             && rate * found.raw_step < MIN_RESAMPLED_RATE
         {
@@ -216,7 +229,7 @@ impl LogFile {
     /// - `wrapped`: the entries of the positions that are known to be.
     fn statistics(
         &self,
-        names: &[String],
+        info: &Info<'_>,
         wrapped: Vec<(usize, Wrapped)>,
     ) -> Result<Statistics, DataError> {
         let mut times: Vec<f64> = Vec::new();
@@ -334,7 +347,7 @@ impl LogFile {
         let found = found.filter_map(|(entry, wrap)| Some((entry, wrap.finish()?)));
         let found: Vec<(usize, Wrapped)> = found.collect();
         if !found.is_empty() {
-            return self.statistics(names, found);
+            return self.statistics(info, found);
         }
         let uncut = range.filter(|_| self.run.times.is_some() && outside.is_none());
         let pair = |coordinate: usize, position: usize, velocity: usize| {
@@ -345,9 +358,10 @@ impl LogFile {
             };
             Pair {
                 name: coordinate
-                    .and_then(|c| names.get(*c))
-                    .cloned()
-                    .unwrap_or_default(),
+                    .and_then(|c| info.coordinates.get(*c))
+                    .map_or_else(String::new, |name| (*name).to_owned()),
+                widest: (coordinate.and_then(|c| info.joints.get(*c)))
+                    .map_or(f64::INFINITY, widest),
                 position: self.layout.title(position),
                 velocity: self.layout.title(velocity),
                 factors: [factor(position), factor(velocity)],

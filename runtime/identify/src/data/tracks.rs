@@ -76,12 +76,7 @@ pub fn tracks(
     })?;
     // a track has no filter that would end at a gap
     file.bridging = None;
-    let names: Vec<String> = info
-        .coordinates
-        .iter()
-        .map(|name| (*name).to_owned())
-        .collect();
-    let survey = file.survey(&names)?;
+    let survey = file.survey(info)?;
     let mut problems = Problems::default();
     let mut out: Vec<Track> = Vec::new();
     let (mut rows, mut is_ended) = (0, false);

@@ -20,6 +20,8 @@ const MIN_MOTION_OF_TURNS: f64 = 0.02;
 const MAX_SPREAD: f64 = 0.02;
 /// The number of jumps by the same span that show that it is one, if it is no turn.
 const MIN_JUMPS: usize = 2;
+/// The spans of a turn in rad, and in degrees that are read as rad.
+const TURNS: [f64; 2] = [TAU, 360.0];
 /// The largest number of changes that are kept.
 const MAX_KEPT: usize = 10_000;
 
@@ -30,6 +32,13 @@ pub struct Wrapped {
     pub span: f64,
     /// The number of jumps.
     pub jumps: usize,
+}
+
+impl Wrapped {
+    /// Whether the span is a turn, in rad or in degrees that are read as rad.
+    pub fn is_turn(&self) -> bool {
+        TURNS.contains(&self.span)
+    }
 }
 
 /// A large change with the changes around it.
@@ -148,7 +157,7 @@ impl WrapFinder {
         let spans: Vec<f64> = self.jumps.iter().map(Jump::span).collect();
         let span = median(&spans);
         let is_near = |own: f64| (own - span).abs() < MAX_SPREAD * span;
-        let turn = [TAU, 360.0].into_iter().find(|turn| is_near(*turn));
+        let turn = TURNS.into_iter().find(|turn| is_near(*turn));
         let (least, needed) = if turn.is_some() {
             (MIN_MOTION_OF_TURNS * calm, 1)
         } else {
@@ -175,7 +184,7 @@ impl WrapFinder {
 pub(super) struct Unwrapper {
     /// The entry of the row.
     entry: usize,
-    span: f64,
+    wrapped: Wrapped,
     last: Option<f64>,
     /// What is added to the position.
     added: f64,
@@ -186,21 +195,24 @@ impl Unwrapper {
     pub(super) fn new(entry: usize, wrapped: Wrapped) -> Self {
         Self {
             entry,
-            span: wrapped.span,
+            wrapped,
             last: None,
             added: 0.0,
         }
     }
 
-    /// Makes the position of the next row follow that of the row before.
-    pub(super) fn apply(&mut self, row: &mut [f64]) {
+    /// Makes the position of the next row follow that of the row before; returns whether it jumped by a span that is
+    /// known from the jumps alone.
+    pub(super) fn apply(&mut self, row: &mut [f64]) -> bool {
         let Some(value) = row.get_mut(self.entry) else {
-            return;
+            return false;
         };
-        if let Some(last) = self.last.replace(*value) {
-            self.added -= self.span * ((*value - last) / self.span).round();
-        }
+        let last = self.last.replace(*value).unwrap_or(*value);
+        let span = self.wrapped.span;
+        let spans = ((*value - last) / span).round();
+        self.added -= span * spans;
         *value += self.added;
+        spans != 0.0 && !self.wrapped.is_turn()
     }
 }
 

@@ -668,6 +668,15 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
             }
         }
     }
+    for (k, span) in &sample.wrapped {
+        for spans in [-2.0, -1.0, 1.0, 2.0] {
+            let mut shifted = plain(positions.to_vec(), 1);
+            if let Some(own) = shifted.positions.iter_mut().find(|own| own.from == *k) {
+                own.offset += spans * span * own.factor;
+                out.push(shifted);
+            }
+        }
+    }
     let mirrored: Vec<usize> = (0..sample.measured.len())
         .filter(|k| is_mirrored(model, sample, *k))
         .collect();
@@ -791,6 +800,19 @@ mod tests {
         // both rotations, the slide, and each alone
         assert_eq!(scaled, [vec![0, 1], vec![2], vec![0], vec![1], vec![2]]);
         assert_eq!((turned, exchanged), (3, 2));
+    }
+
+    #[test]
+    fn the_zero_of_a_wrapped_position_may_be_off_by_multiples_of_its_span() {
+        let (model, plain) = (swings(true), Reading::plain(3));
+        let log = Sample {
+            wrapped: vec![(1, 0.3)],
+            ..sample()
+        };
+        let all = candidates(&model, &log, &[1.0; 3], &plain, &plain);
+        let offsets = all.iter().map(|own| own.positions[1].offset);
+        let offsets: Vec<f64> = offsets.filter(|own| *own != 0.0).collect();
+        assert_eq!(offsets, [-0.6, -0.3, 0.3, 0.6]);
     }
 
     #[test]
