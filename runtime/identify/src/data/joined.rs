@@ -204,22 +204,24 @@ impl<'a> JoinedRows<'a> {
                     continue;
                 }
             }
-            return Ok(Some(match found {
-                Found::Fault(problem) => Err(problem),
-                _ => Ok(&self.row),
-            }));
+            if let Found::Fault(problem) = found {
+                return Ok(Some(Err(problem)));
+            }
+            let LogRow {
+                values, bridged, ..
+            } = &mut self.row;
+            *bridged = false;
+            for unwrapper in &mut self.unwrappers {
+                *bridged |= unwrapper.apply(values);
+            }
+            return Ok(Some(Ok(&self.row)));
         }
     }
 
     /// Reads the next row of all files; `None` behind the last one.
     fn read_all(&mut self) -> Result<Option<Found>, DataError> {
         let channels = &self.file.layout.channels;
-        let LogRow {
-            line,
-            values,
-            bridged,
-            ..
-        } = &mut self.row;
+        let LogRow { line, values, .. } = &mut self.row;
         *line = 0;
         let mut fault = None;
         let mut lacking = false;
@@ -265,13 +267,7 @@ impl<'a> JoinedRows<'a> {
         Ok(Some(match fault {
             Some(problem) => Found::Fault(problem),
             None if lacking => Found::Nothing,
-            None => {
-                *bridged = false;
-                for unwrapper in &mut self.unwrappers {
-                    *bridged |= unwrapper.apply(values);
-                }
-                Found::Row
-            }
+            None => Found::Row,
         }))
     }
 

@@ -2,6 +2,7 @@
 //! an angle within one turn does or a counter that overflows.
 
 use core::f64::consts::TAU;
+use std::collections::BTreeMap;
 
 use super::problem::median;
 
@@ -32,6 +33,8 @@ pub struct Wrapped {
     pub span: f64,
     /// The number of jumps.
     pub jumps: usize,
+    /// What is added to the first position, so that most are as they were.
+    pub added: f64,
 }
 
 impl Wrapped {
@@ -45,6 +48,8 @@ impl Wrapped {
 #[derive(Clone, Copy, Debug)]
 struct Jump {
     by: f64,
+    /// The number of rows before it.
+    rows: usize,
     /// The sum of the changes before it, and their number; the same behind it.
     around: [(f64, usize); 2],
 }
@@ -73,6 +78,7 @@ impl Jump {
 #[derive(Clone, Debug, Default)]
 pub(super) struct WrapFinder {
     last: Option<f64>,
+    rows: usize,
     range: Option<[f64; 2]>,
     /// The last changes that were no jump, the newest at the end, and their number.
     changes: [f64; AROUND],
@@ -87,6 +93,7 @@ pub(super) struct WrapFinder {
 impl WrapFinder {
     /// Adds the position of the next row.
     pub(super) fn push(&mut self, value: f64) {
+        self.rows += 1;
         let [low, high] = self.range.unwrap_or([value, value]);
         self.range = Some([low.min(value), high.max(value)]);
         let Some(last) = self.last.replace(value) else {
@@ -97,6 +104,7 @@ impl WrapFinder {
             let before = (self.changes.iter().sum(), self.count);
             self.jumps.push(Jump {
                 by,
+                rows: self.rows - 1,
                 around: [before, (0.0, 0)],
             });
             self.bound();
@@ -172,10 +180,27 @@ impl WrapFinder {
             |jump: &&Jump| jump.motion().count() > 0 && jump.motion().all(|own| own > least);
         let is_wrapped =
             self.jumps.iter().all(can_wrap) && self.jumps.iter().filter(goes_on).count() >= needed;
-        is_wrapped.then_some(Wrapped {
-            span: turn.unwrap_or(span),
+        let span = turn.unwrap_or(span);
+        is_wrapped.then(|| Wrapped {
+            span,
             jumps: self.jumps.len(),
+            added: -span * self.usual_spans(),
         })
+    }
+
+    /// The number of spans beyond those of the first row that most rows are at.
+    fn usual_spans(&self) -> f64 {
+        let mut at: BTreeMap<i64, usize> = BTreeMap::new();
+        let (mut spans, mut begin) = (0, 0);
+        let ends = self.jumps.iter().map(|jump| (jump.rows, jump.by < 0.0));
+        for (end, is_up) in ends.chain([(self.rows, true)]) {
+            *at.entry(spans).or_default() += end.saturating_sub(begin);
+            begin = end;
+            spans += if is_up { 1 } else { -1 };
+        }
+        // of equal numbers that nearest to the first row
+        let most = at.iter().max_by_key(|(spans, rows)| (**rows, -spans.abs()));
+        most.map_or(0.0, |own| *own.0 as f64)
     }
 }
 
@@ -197,7 +222,7 @@ impl Unwrapper {
             entry,
             wrapped,
             last: None,
-            added: 0.0,
+            added: wrapped.added,
         }
     }
 
@@ -246,12 +271,16 @@ mod tests {
                 "{wrapped:?}"
             );
             let mut unwrapper = Unwrapper::new(1, wrapped);
-            let start = within(motion(0), low, span) - motion(0);
+            let (mut start, mut unchanged) = (None, 0);
             for k in 0..2000 {
-                let mut row = [0.0, within(motion(k), low, span)];
+                let own = within(motion(k), low, span);
+                let mut row = [0.0, own];
                 unwrapper.apply(&mut row);
+                unchanged += usize::from((row[1] - own).abs() < 0.5 * span);
+                let start = *start.get_or_insert(row[1] - motion(k));
                 assert!((row[1] - motion(k) - start).abs() < 2e-3, "{k} {row:?}");
             }
+            assert!(unchanged > 2000 / 5, "{unchanged}");
         }
         let degrees = found(|k| within(motion(k).to_degrees(), 0.0, 360.0)).unwrap();
         assert_eq!(degrees.span, 360.0);
