@@ -228,8 +228,8 @@ def noise_alone(log, random):
 def wrapped_position(log, random):
     """One position that jumps back as if it were wrapped, though not by a turn."""
     chosen = some(random, log.of(""), most=1)[0]
-    middle = np.median(log.table[:, chosen])
-    own = log.table[:, chosen] - middle - 0.3 * spread(log, chosen)
+    middle = np.median(log.table[:, chosen]) + 0.3 * spread(log, chosen)
+    own = log.table[:, chosen] - middle
     width = 2 * spread(log, chosen)
     log.table[:, chosen] = (own + width / 2) % width - width / 2 + middle
     return told_by(log, [chosen], r"jump|wrap|outlier")
