@@ -53,7 +53,7 @@ LOST = {
 TIMED = 7  # one of so many logs is fitted without the checks, too; no multiple of the number of robots
 # the options of advice that are applied as they are printed
 OPTION = re.compile(
-    r"--column (?:'[^']+'|[\w.]+=[\w.:*/^-]*\w)|--(?:problems|outliers|saturated|stuck|gaps|standstill|delay|huber"
+    r"--column (?:'[^']+'|[\w.]+=[\w.:*/^-]*\w)|--delay \w+=[\d.]*\d|--(?:problems|outliers|saturated|stuck|gaps|standstill|delay|huber"
     r"|velocities)[ =][\w.,:-]*\w|--(?:rate|fourier|butterworth)[ =][\d.]+"
 )
 
@@ -151,10 +151,11 @@ def advised(text, options, log):
     columns = [x for x in OPTION.findall(said) if x.startswith("--column")]
     # what is read wrongly is corrected before rows are left out
     for found in columns or OPTION.findall(said):
-        words = shlex.split(found.replace("=", " ", 1) if not found.startswith("--column") else found)
+        is_named = found.startswith(("--column", "--delay "))
+        words = shlex.split(found if is_named else found.replace("=", " ", 1))
         if len(words) != 2:
             continue
-        key = (words[0], words[1].split("=")[0]) if words[0] == "--column" else words[0]
+        key = (words[0], words[1].split("=")[0]) if is_named else words[0]
         # of alternatives the first one
         if key not in seen and more.get(key) != words:
             more[key], changed = words, True

@@ -287,15 +287,22 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         }
         _ => Vec::new(),
     };
-    let are_all_light = !light.is_empty() && light.len() == info.dof();
+    // where most inertias are negative, and none is positive that is known and matters
+    let are_all_light = all.is_some_and(|own| {
+        let turned: Vec<f64> = own.values.iter().map(|value| -value).collect();
+        let is_most = !light.is_empty() && 2 * light.len() >= info.dof();
+        is_most && negative_inertias(model, sample, &turned, &own.covariance).is_empty()
+    });
     if are_all_light {
         let all: Vec<usize> = (0..info.actuated.len()).collect();
-        out.push(columns.suspicion(
-            "these parameters make every inertia negative: the signs of all efforts, or of all \
+        out.push(
+            columns.suspicion(
+                "these parameters make the inertias negative: the signs of all efforts, or of all \
              positions, look flipped"
-                .to_owned(),
-            Remedy::columns(columns.with_flipped_signs(&all)),
-        ));
+                    .to_owned(),
+                Remedy::columns(columns.with_flipped_signs(&all)),
+            ),
+        );
     }
     if out.is_empty() {
         out.extend(columns.shifted(&findings.shifts));

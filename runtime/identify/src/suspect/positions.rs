@@ -29,6 +29,9 @@ const MIN_STATES: usize = 40;
 const MIN_RANGE: f64 = 0.05;
 const MIN_RANGE_OF_SLIDE: f64 = 2e-3;
 
+/// Ratios of gears from which the search for single numbers does not always find the right one.
+const RATIOS: [f64; 2] = [0.5, 2.0];
+
 /// The range of a joint's motion, rad, beyond which it may be in counts, and the bits of these in one turn.
 const MAX_RANGE: f64 = 4.0 * TAU;
 const COUNTS_OF_A_TURN: [u32; 15] = [9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23];
@@ -699,6 +702,11 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
         if sample.measured.len() > 1 && moves_in_unit(k, *c) {
             out.push(plain(scaled(&|other| other == *c), 1));
         }
+        for ratio in RATIOS {
+            let mut geared = plain(positions.to_vec(), 1);
+            geared.positions[k].factor *= ratio;
+            out.push(geared);
+        }
         for counts in counts_of(sample, positions, k).filter(|_| motion(*c) == Motion::Rotation) {
             let mut counted = plain(positions.to_vec(), 1);
             counted.positions[k].factor *= counts;
@@ -766,8 +774,12 @@ mod tests {
         // a motion that would be none in another unit is not tried in it
         let small = candidates(&model, &sample(), &own, &plain, &plain);
         let wide = with(|s| s.motion[0].iter_mut().for_each(|q| *q *= 5.0));
-        let all = candidates(&model, &wide, &own, &plain, &plain);
+        let mut all = candidates(&model, &wide, &own, &plain, &plain);
         assert!(small.len() < all.len());
+        let count = all.len();
+        let is_ratio = |own: &Reading| RATIOS.contains(&own.factor);
+        all.retain(|own| !own.positions.iter().any(is_ratio));
+        assert_eq!(count - all.len(), 3 * RATIOS.len());
         let degree = core::f64::consts::PI / 180.0;
         let (mut scaled, mut turned, mut exchanged) = (Vec::new(), 0, 0);
         for candidate in &all {
@@ -825,7 +837,7 @@ mod tests {
             let factors = changed.map(|own| own.positions[1].factor);
             let degree = core::f64::consts::PI / 180.0;
             let is_counts =
-                |own: &f64| (0.0..1.0).contains(own) && (own / degree - 1.0).abs() > 0.1;
+                |own: &f64| (0.0..0.4).contains(own) && (own / degree - 1.0).abs() > 0.1;
             factors.filter(is_counts).collect()
         };
         assert_eq!(counted(1.0), [0.0; 0]);
