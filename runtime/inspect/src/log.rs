@@ -279,7 +279,7 @@ pub fn inspect(
     settings: &Settings,
     robot: Option<&Info<'_>>,
 ) -> Result<LogFacts, DataError> {
-    let log = RawLog::open(run, settings)?;
+    let log = RawLog::open(run, settings)?.unwrapped()?;
     let mut surveyed = survey(&log)?;
     let least = if settings.poses { MIN_POSES } else { MIN_ROWS };
     if surveyed.rows < least {
@@ -408,6 +408,7 @@ pub fn inspect(
     out.efforts = follow(&motion);
     out.notes = words::notes(&out);
     out.notes.extend(left_out::notes(&log, &out));
+    out.notes.extend(words::wrapped(&log, &out));
     if let Some(info) = robot
         && !out.joints.is_empty()
     {

@@ -1,5 +1,6 @@
 //! Writes sentences about a log: its clock, columns, derivatives and efforts.
 
+use regen_identify::data::{RawLog, Wrapped};
 use regen_identify::text::{counted, figure_of};
 
 use crate::clock::ClockSource;
@@ -41,6 +42,19 @@ pub(crate) fn title(found: &LogFacts, number: usize) -> String {
         Some(column) if found.named => format!("`{}`", column.name),
         _ => format!("column {number}"),
     }
+}
+
+/// The sentences on columns that are wrapped.
+pub(crate) fn wrapped(log: &RawLog, found: &LogFacts) -> Vec<String> {
+    let one = |(index, own): (usize, Wrapped)| {
+        format!(
+            "{} jumps by {} ({}), as it is wrapped: it is read without these jumps",
+            title(found, index + 1),
+            figure_of(6, own.span),
+            counted(own.jumps, "time", "times")
+        )
+    };
+    log.wrapped().map(one).collect()
 }
 
 /// All sentences about a log.

@@ -587,3 +587,31 @@ fn columns_are_matched_with_coordinates_by_their_words_and_the_topic_is_kept() {
     );
     assert!(text.contains(", topic: /joint_states}"), "{text}");
 }
+
+#[test]
+fn a_wrapped_position_is_inspected_without_its_jumps() {
+    let folder = std::env::temp_dir();
+    let [plain, wrapped] = [false, true].map(|is_wrapped| {
+        let name = format!("wrapped-{is_wrapped}-{}.csv", std::process::id());
+        let path = folder.join(name);
+        let mut text = "t,a\n".to_owned();
+        for k in 0..4000_u32 {
+            let t = f64::from(k) / 200.0;
+            let q = 2.0 + 1.8 * (1.3 * t).sin() + 0.4 * (4.1 * t).sin();
+            let q = if is_wrapped && q > std::f64::consts::PI {
+                q - TAU
+            } else {
+                q
+            };
+            writeln!(text, "{t},{q:.6}").unwrap();
+        }
+        std::fs::write(&path, text).unwrap();
+        let found = inspect(&Run::from(path.as_path()), &Settings::default(), None).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        found
+    });
+    assert!(has_note(&wrapped, "`a` jumps by 6.28319 ("));
+    let ends = |found: &LogFacts| found.columns[1].spectrum.unwrap().ends;
+    assert_eq!(ends(&wrapped), ends(&plain));
+    assert!(!has_note(&plain, "wrapped"));
+}

@@ -8,6 +8,7 @@ use super::problem::{DataError, Problem};
 use super::reader::LogFile;
 use super::run::Run;
 use super::settings::Settings;
+use super::wrapped::{WrapFinder, Wrapped};
 use regen_runtime::Info;
 
 /// The number of rows of a file that decide whether a column has numbers.
@@ -43,6 +44,7 @@ pub struct RawLog {
     file: LogFile,
     named: bool,
     numbers: Vec<usize>,
+    wrapped: Vec<(usize, Wrapped)>,
 }
 
 impl RawLog {
@@ -128,7 +130,38 @@ impl RawLog {
             file,
             named,
             numbers,
+            wrapped: Vec::new(),
         })
+    }
+
+    /// The same log, in which columns that are wrapped by whole turns go on without jumps, as [`Logs`](super::Logs)
+    /// reads positions.
+    ///
+    /// # Errors
+    /// When a file cannot be read.
+    pub fn unwrapped(mut self) -> Result<Self, DataError> {
+        if self.file.poses {
+            return Ok(self);
+        }
+        let mut finders = vec![WrapFinder::default(); self.numbers.len()];
+        self.visit(&mut |row| match row {
+            Ok((_, values)) => {
+                for (finder, value) in finders.iter_mut().zip(values.iter().skip(1)) {
+                    finder.push(*value);
+                }
+            }
+            Err(_) => finders.iter_mut().for_each(WrapFinder::pause),
+        })?;
+        let found = finders.into_iter().map(WrapFinder::finish).enumerate();
+        let found = found.filter_map(|(place, own)| Some((place + 1, own?)));
+        self.wrapped = found.filter(|(_, own)| own.is_turn()).collect();
+        Ok(self)
+    }
+
+    /// The columns that go on without jumps: the indices of their titles, and how they are wrapped.
+    pub fn wrapped(&self) -> impl Iterator<Item = (usize, Wrapped)> {
+        let index = |place: &usize| self.numbers.get(place - 1).copied();
+        (self.wrapped.iter()).filter_map(move |(place, own)| Some((index(place)?, *own)))
     }
 
     /// The name of the run in messages.
@@ -192,7 +225,7 @@ impl RawLog {
     /// # Errors
     /// When a file cannot be read.
     pub fn visit(&self, each: &mut dyn FnMut(RawRow<'_>)) -> Result<(), DataError> {
-        let mut rows = JoinedRows::open(&self.file, &[])?;
+        let mut rows = JoinedRows::open(&self.file, &self.wrapped)?;
         while let Some(row) = rows.next_row()? {
             match &row {
                 Ok(row) => each(Ok((row.line, &row.values))),
