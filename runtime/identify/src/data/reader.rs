@@ -117,6 +117,8 @@ pub(super) struct LogFile {
     pub(super) bridging: Option<Bridging>,
     /// Whether a position that repeats alone may be bridged.
     pub(super) bridges_stuck: bool,
+    /// Whether wrapped positions are read without their jumps.
+    pub(super) unwraps: bool,
 }
 
 impl LogFile {
@@ -211,6 +213,8 @@ impl LogFile {
             bridging: settings.bridging(),
             bridges_stuck: !settings.checks.stuck.is_some_and(|own| own != Policy::Drop)
                 && !settings.used_faults().stuck,
+            // poses at rest follow no motion, and outliers that are kept are used as they are
+            unwraps: !(settings.poses || settings.used_faults().outliers),
         })
     }
 

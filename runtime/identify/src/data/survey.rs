@@ -52,7 +52,7 @@ pub(super) struct Surveyed {
     layout: ColumnLayout,
     rate: Option<f64>,
     poses: bool,
-    keeps_outliers: bool,
+    unwraps: bool,
 }
 
 /// Statistics of all rows of a run, with what follows from how faulty rows are used.
@@ -181,7 +181,7 @@ impl LogFile {
             layout: self.layout.clone(),
             rate: self.rate,
             poses: self.poses,
-            keeps_outliers: self.used_faults.outliers,
+            unwraps: self.unwraps,
         };
         let found = (self.run.parsed).statistics(surveyed, || self.statistics(info, Vec::new()))?;
         if let Some(rate) = self.resample
@@ -262,8 +262,7 @@ impl LogFile {
         let mut rate_row = Vec::new();
         let mut last_time = None;
         let mut range: Option<(f64, f64)> = None;
-        // poses at rest follow no motion, and outliers that are kept are used as they are
-        let looks_for_wraps = wrapped.is_empty() && !(self.poses || self.used_faults.outliers);
+        let looks_for_wraps = wrapped.is_empty() && self.unwraps;
         let mut wraps =
             vec![WrapFinder::default(); if looks_for_wraps { positions.len() } else { 0 }];
         let outside = self.records(&wrapped, &mut |row| {

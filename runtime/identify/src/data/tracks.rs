@@ -76,6 +76,8 @@ pub fn tracks(
     })?;
     // a track has no filter that would end at a gap
     file.bridging = None;
+    // commands would be wrapped as they were
+    file.unwraps = false;
     let survey = file.survey(info)?;
     let mut problems = Problems::default();
     let mut out: Vec<Track> = Vec::new();

@@ -1,9 +1,11 @@
 //! Checks a fit for results that are physically impossible: friction that drives a joint, efforts
 //! that contradict the nominal bodies, negative friction or rotor inertia.
 
+use core::f64::consts::TAU;
+
 use super::grams::{Fit, Grams, named};
 use super::{Change, MIN_OFFSET_PART, Reading, Sample};
-use regen_runtime::{BaseModel, BaseTerm, Info, Motion, Parameter, Symbol};
+use regen_runtime::{BaseModel, BaseTerm, Info, Joint, Motion, Parameter, Symbol};
 
 /// Friction drives a joint if its power into the joint is more than this part of the efforts'
 /// power.
@@ -105,7 +107,8 @@ pub(super) fn units_by_limits<M: BaseModel<f64> + ?Sized>(
             });
             let [least, most] = bounds;
             let margin = MAX_UNIT_MARGIN * (high - low);
-            let fits = unit * least > low - margin && unit * most < high + margin;
+            let turned = turns_between(joint, [unit * least, unit * most]);
+            let fits = unit * least + turned > low - margin && unit * most + turned < high + margin;
             if most - least > high - low && fits {
                 own.push(k);
             } else {
@@ -128,6 +131,17 @@ pub(super) fn units_by_limits<M: BaseModel<f64> + ?Sized>(
         }
     }
     is_found.then_some(out)
+}
+
+/// The whole turns that bring a range of angles nearest to the middle of the limits of their joint, rad, which are the
+/// same posture; 0 for slides and without limits.
+pub(super) fn turns_between(joint: &Joint, [least, most]: [f64; 2]) -> f64 {
+    match (joint.motion, joint.limits.position) {
+        (Motion::Rotation, Some([low, high])) => {
+            TAU * ((f64::midpoint(low, high) - f64::midpoint(least, most)) / TAU).round()
+        }
+        _ => 0.0,
+    }
 }
 
 /// The coordinates whose friction drives the joint, with its power over the efforts' power

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::facts::CERTAIN_DEVIATIONS;
 use super::words::{LogColumns, rounded};
-use super::{Change, Findings, Nominal, Sample, WholeFit, look, positions};
+use super::{Change, Findings, Nominal, Sample, WholeFit, facts, look, positions};
 use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
@@ -684,12 +684,19 @@ fn beyond<M: BaseModel<f64> + ?Sized>(
     let info = columns.model.info();
     let mut out = Vec::new();
     for (k, c) in sample.measured.iter().enumerate() {
-        let Some([low, high]) = info.joints.get(*c).and_then(|j| j.limits.position) else {
+        let Some(joint) = info.joints.get(*c) else {
+            continue;
+        };
+        let Some([low, high]) = joint.limits.position else {
             continue;
         };
         let margin = MAX_BEYOND_PART * (high - low);
+        let (least, most) = positions::range(sample, k);
+        let turned = facts::turns_between(joint, [least, most]);
         let states = sample.states.iter().filter_map(|s| s.motion[0].get(k));
-        let outside = states.filter(|q| **q < low - margin || **q > high + margin);
+        let outside = states
+            .map(|q| q + turned)
+            .filter(|q| *q < low - margin || *q > high + margin);
         let part = outside.count() as f64 / sample.states.len().max(1) as f64;
         if margin > 0.0 && part > MIN_BEYOND_TIME {
             let source = columns.source(&Quantity::Position(columns.name(*c)));

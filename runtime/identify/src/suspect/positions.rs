@@ -552,7 +552,7 @@ fn explained<M: BaseModel<f64> + ?Sized>(
 }
 
 /// The least and the largest value of a measured coordinate.
-fn range(sample: &Sample, k: usize) -> (f64, f64) {
+pub(super) fn range(sample: &Sample, k: usize) -> (f64, f64) {
     let values = sample.states.iter().filter_map(|s| s.motion[0].get(k));
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
         (low.min(*x), high.max(*x))

@@ -728,6 +728,12 @@ fn limits_tell_the_unit_of_positions_whatever_the_efforts_are() {
     assert_eq!(factors(&sample()), None);
     let one = with(|s| scale(s, 1, degree));
     assert_eq!(factors(&one), Some(vec![1.0, 1.0 / degree, 1.0]));
+    // angles from 0 to 360 degrees are those from -180 to 180
+    let turned = with(|s| {
+        scale(s, 1, degree);
+        s.motion[0][1] += 360.0;
+    });
+    assert_eq!(factors(&turned), Some(vec![1.0, 1.0 / degree, 1.0]));
     // a zero that is far off moves it out of its range, too, but not over more than that
     assert_eq!(factors(&with(|s| s.motion[0][1] += 50.0)), None);
     // the order of the efforts hides both units from the equations
