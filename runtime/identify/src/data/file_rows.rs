@@ -74,7 +74,7 @@ pub(super) struct Opening<'a> {
     pub(super) time: Option<&'a str>,
     /// The stamp from which the times of recordings count, ns: that of the first one.
     pub(super) start: Option<i64>,
-    /// The same of the dates in CSV files.
+    /// The same of the dates in CSV and Parquet files.
     pub(super) dated: Option<i64>,
 }
 
@@ -248,7 +248,8 @@ impl Opening<'_> {
         if first.starts_with(&PARQUET_MAGIC) {
             #[cfg(feature = "parquet")]
             {
-                let (titles, contents) = super::parquet::contents(path, self.episode)?;
+                let (titles, contents) =
+                    super::parquet::contents(path, self.episode, &mut self.dated)?;
                 return Ok(vec![Table {
                     path: path.to_path_buf(),
                     titles,
@@ -368,6 +369,22 @@ impl Table {
                 unit.filter(|unit| !unit.is_empty())
             }
             _ => None,
+        }
+    }
+
+    /// Whether the numbers of a column are dates or spans of time by their type, and thus in s.
+    pub(super) fn is_clock(&self, column: usize) -> bool {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.is_clock(column),
+            #[cfg(feature = "bags")]
+            Kind::Bag(_) => matches!(
+                self.titles.get(column).map(String::as_str),
+                Some("t" | "t_received")
+            ),
+            #[cfg(feature = "parquet")]
+            Kind::Parquet(contents) => contents.clocks.get(column).is_some_and(|own| *own),
+            Kind::Csv(written, _) => written.dates == Some(column),
         }
     }
 

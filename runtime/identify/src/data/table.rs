@@ -78,6 +78,8 @@ pub(super) struct Written {
     pub(super) titles: Vec<String>,
     /// The first date with a time of the day in it, ns since 1970; dates count from it or another one.
     pub(super) dated: Option<i64>,
+    /// The first column with dates.
+    pub(super) dates: Option<usize>,
     /// The lines that are no rows, at the start and the end of the file, with the reason why.
     pub(super) remarks: Vec<(String, String)>,
 }
@@ -199,6 +201,10 @@ impl Written {
             let whole = memchr::memchr(b'\n', &end).unwrap_or(0);
             lines.extend(remarks(end.get(whole..).unwrap_or_default(), 0, comment));
         }
+        let date = rows
+            .iter()
+            .flat_map(|row| row.cells.iter().enumerate())
+            .find_map(|(k, text)| Some((k, dates::nanoseconds(text.as_bytes())?)));
         Ok(Self {
             separator,
             decimal_comma,
@@ -207,10 +213,8 @@ impl Written {
             comment,
             titles,
             remarks: lines,
-            dated: rows
-                .iter()
-                .flat_map(|row| &row.cells)
-                .find_map(|text| dates::nanoseconds(text.as_bytes())),
+            dated: date.map(|own| own.1),
+            dates: date.map(|own| own.0),
         })
     }
 
