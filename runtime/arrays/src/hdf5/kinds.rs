@@ -258,3 +258,24 @@ fn name(fields: &mut Fields<'_>, version: u8) -> Read<String> {
     };
     Ok(text(fields.take(length)?))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_enumeration_has_the_names_of_its_numbers_but_truths_need_none() {
+        let of = |names: &[u8]| {
+            // two names of whole numbers of two bytes with a sign
+            let head = [
+                0x38, 2, 0, 0, 2, 0, 0, 0, 0x10, 8, 0, 0, 2, 0, 0, 0, 0, 0, 16, 0,
+            ];
+            let bytes = [&head[..], names, &[0xff, 0xff, 1, 0]].concat();
+            let kind = Kind::read(&mut Fields::new(&bytes, false), 0).ok()?;
+            kind.members.first().map(|own| own.states.clone())
+        };
+        let expected = [(-1.0, "off".to_owned()), (1.0, "on".to_owned())];
+        assert_eq!(of(b"off\0on\0").as_deref(), Some(&expected[..]));
+        assert_eq!(of(b"FALSE\0TRUE\0"), Some(Vec::new()));
+    }
+}

@@ -355,10 +355,6 @@ impl Table {
     }
 
     /// The unit that the file states of a column beside its title.
-    #[cfg_attr(
-        not(any(feature = "arrays", feature = "parquet")),
-        allow(unused_variables, clippy::unused_self)
-    )]
     fn unit(&self, column: usize) -> Option<&str> {
         match &self.kind {
             #[cfg(feature = "arrays")]
@@ -368,7 +364,12 @@ impl Table {
                 let unit = contents.units.get(column).map(String::as_str);
                 unit.filter(|unit| !unit.is_empty())
             }
-            _ => None,
+            #[cfg(feature = "bags")]
+            Kind::Bag(_) => None,
+            Kind::Csv(written, _) => {
+                let unit = written.units.get(column).map(String::as_str);
+                unit.filter(|unit| !unit.is_empty())
+            }
         }
     }
 

@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit, TimestampType};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{DataType, FixedLenByteArray};
 use parquet::errors::ParquetError;
@@ -153,15 +153,20 @@ fn has_dates(column: &ColumnDescriptor) -> bool {
 impl Kind {
     /// - `dated`: the date from which dates count, ns since 1970.
     fn of(column: &ColumnDescriptor, dated: i64) -> Self {
-        let tick = |unit: TimeUnit| match unit {
+        let tick = |unit| match unit {
             TimeUnit::MILLIS => 1_000_000,
             TimeUnit::MICROS => 1000,
             TimeUnit::NANOS => 1,
         };
         let dated = if has_dates(column) { dated } else { 0 };
         match (column.logical_type_ref(), column.converted_type()) {
-            (Some(LogicalType::Timestamp(own)), _) => Self::Clock(tick(own.unit), dated),
-            (Some(LogicalType::Time(own)), _) => Self::Clock(tick(own.unit), dated),
+            (
+                Some(
+                    LogicalType::Timestamp(TimestampType { unit, .. })
+                    | LogicalType::Time(TimestampType { unit, .. }),
+                ),
+                _,
+            ) => Self::Clock(tick(*unit), dated),
             (_, ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS) => {
                 Self::Clock(tick(TimeUnit::MILLIS), dated)
             }
