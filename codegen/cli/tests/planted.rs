@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::common::logs::{
     Channel, Hdf5, Mdf, Topic, doubles, hdf5, joint_state, mat, mcap, mdf, npy, parquet, tdms,
-    variable, with_metadata, zip,
+    variable, with_channel, with_metadata, zip,
 };
 use crate::common::{regen, scratch};
 
@@ -272,7 +272,7 @@ fn texts() -> Vec<Plant> {
             "CSV",
             "4.csv",
             with("tau_q1\n", "tau_q1\ns,turn,Nm\n"),
-            "1 row cannot be read; row 2: `s` in column `t`",
+            "whose columns are read as SI: `turn` of `q1`",
         ),
     ]
 }
@@ -440,7 +440,7 @@ fn hdf5_files() -> Vec<Plant> {
             "HDF5",
             "6.h5",
             with("oddity=50", vec![]),
-            "no column: `oddity` (an attribute of q1, which is not applied to numbers)",
+            "no column: `oddity` (an attribute of q1, not applied to numbers)",
         ),
         (
             "HDF5",
@@ -502,7 +502,7 @@ fn labview() -> Vec<Plant> {
             "TDMS",
             "6.tdms",
             with("rad", "", Some(odd)),
-            "no column: `oddity` (a property of arm/drift, which is not applied to numbers)",
+            "no column: `oddity` (a property of arm/drift, not applied to numbers)",
         ),
         ("TDMS", "3.tdms", with("rad", "", Some(words)), unread),
         ("TDMS", "4.tdms", with("rad", "", Some(complex)), unread),
@@ -565,7 +565,37 @@ fn measurements() -> Vec<Plant> {
                 false,
                 "<CNcomment><TX>minus &amp; 50</TX></CNcomment>",
             ),
-            "no column: `minus & 50` (a comment of arm/q1, which is not applied to numbers)",
+            "no column: `minus & 50` (a comment of arm/q1, not applied to numbers)",
+        ),
+        (
+            "MDF",
+            "9.mf4",
+            with(
+                None,
+                "rad",
+                0,
+                false,
+                "<CNcomment>\n<TX/><names><display>knee</display></names></CNcomment>",
+            ),
+            "no column: `knee` (another name of arm/q1, not applied to numbers)",
+        ),
+        (
+            "MDF",
+            "10.mf4",
+            with(
+                None,
+                "rad",
+                0,
+                false,
+                "<CNcomment><common_properties><e name=\"oddity\">50</e></common_properties></CNcomment>",
+            ),
+            "no column: `oddity` (a property of arm/q1, not applied to numbers)",
+        ),
+        (
+            "MDF",
+            "11.mf4",
+            with(Some(7), "rad", 0, false, ""),
+            "no column: `off = 0, on = 1` (states of arm/oddity, not applied to numbers)",
         ),
         (
             "MDF",
@@ -675,6 +705,12 @@ fn recordings() -> Vec<Plant> {
             "MCAP",
             "10.mcap",
             with_metadata(mcap(&[own()]), "oddity"),
+            "no column: `oddity` (it is an attachment or metadata of the file, which is not applied to numbers)",
+        ),
+        (
+            "MCAP",
+            "11.mcap",
+            with_channel(mcap(&[own()]), "oddity"),
             "no column: `oddity` (it is an attachment or metadata of the file, which is not applied to numbers)",
         ),
         (
@@ -928,7 +964,7 @@ fn a_unit_that_a_file_states_is_not_read_as_another_one() {
             ("tau_q1", Hdf5::Numbers(tau.clone(), "Nm")),
         ])
     };
-    fs::write(dir.join("rad.h5"), file(q, "rad")).unwrap();
+    fs::write(dir.join("rad.h5"), file(q.clone(), "rad")).unwrap();
     fs::write(dir.join("deg.h5"), file(degrees, "degrees")).unwrap();
     let run = |words: &[&str]| regen(&dir, &[&["identify", "spec.yaml"], words].concat());
     let refused = run(&["deg.h5"]).ended(3).err;
@@ -956,6 +992,28 @@ fn a_unit_that_a_file_states_is_not_read_as_another_one() {
             "{one} {other}"
         );
     }
+    // a row of units behind the names
+    let of_text = csv("", "").replacen('\n', "\ns,[deg],(N m)\n", 1);
+    fs::write(dir.join("deg.csv"), of_text).unwrap();
+    let refused = run(&["deg.csv"]).ended(3).err;
+    assert!(refused.contains("`q1` is in deg"), "{refused}");
+    // spans of time are in s by their type, whose unit is not that of the numbers
+    let bytes: Vec<u8> = (0..ROWS as u64)
+        .flat_map(|k| (10 * k).to_le_bytes())
+        .collect();
+    let numbers = |own: &[f64]| npy("'<f8'", ROWS, &doubles(own));
+    let of_spans = zip(&[
+        ("t.npy", npy("'<m8[ms]'", ROWS, &bytes)),
+        ("q1.npy", numbers(&q)),
+        ("tau_q1.npy", numbers(&tau)),
+    ]);
+    fs::write(dir.join("spans.npz"), of_spans).unwrap();
+    let refused = run(&["spans.npz", "--column", "t=t:ms"]).ended(3).err;
+    assert!(
+        refused.contains("`t` has dates or spans of time, which are read in s"),
+        "{refused}"
+    );
+    assert_eq!(values(&["spans.npz"]).len(), one.len());
     // inspect proposes the unit
     let found = told(&dir, &["inspect", "deg.h5", "--format", "json"]);
     assert!(found.contains("unit: deg"), "{found}");

@@ -286,6 +286,14 @@ fn a_robot_yaml_beside_the_file_closes_its_loops() {
     // a spec of that name says nothing about the file
     let other = with("name: five\nlimbs: []\n").unwrap();
     assert!(!other.spec.contains("cuts:"), "{}", other.spec);
+    assert_has(
+        &notes(&other),
+        "robot.yaml:1:1: not read: it closes no loops, and names no motors",
+    );
+    let wrong = with("closed_loop: [[tip_b, tip_d]]\ntype: ['3d', '6d']\n").unwrap_err();
+    assert_has(&wrong[0].to_string(), "2 types of 1 closed loops");
+    let other = with("name_mot: wheel\nclosed_loop: [[tip_b, tip_d]]\ntype: ['3d']\n").unwrap();
+    assert_has(&notes(&other), "robot.yaml:1:1: no joint is called so");
     let wrong = with("closed_loop: [[tip_b, tip]]\ntype: ['3d']\n").unwrap_err();
     assert_has(&wrong[0].to_string(), "no link is called 'tip'");
 }

@@ -23,8 +23,12 @@ pub(crate) struct Array {
     pub(crate) group: Option<usize>,
     /// Whether the format says that it is the time of its part.
     pub(crate) is_time: bool,
+    /// Whether its numbers are dates or spans of time by their type, and thus in s.
+    pub(crate) is_clock: bool,
     /// The unit that the file states; empty without one.
     pub(crate) unit: String,
+    /// Names beside that in its path.
+    pub(crate) other_names: Vec<String>,
 }
 
 impl Array {
@@ -36,7 +40,9 @@ impl Array {
             place: 0,
             group: None,
             is_time: false,
+            is_clock: false,
             unit: String::new(),
+            other_names: Vec::new(),
         }
     }
 
@@ -65,28 +71,50 @@ pub(crate) struct Found {
     pub(crate) container: Box<dyn Container>,
 }
 
-/// What a file says of its arrays that is not applied to their numbers: by its name the first array, and whether
-/// others have it too.
+/// The number of characters of a remark that are shown.
+const MAX_SHOWN: usize = 60;
+
+/// What a file says of its arrays that is not applied to their numbers: by its kind and name the first array, and
+/// whether others have it too.
 #[derive(Debug, Default)]
-pub(crate) struct Remarks(BTreeMap<String, (String, bool)>);
+pub(crate) struct Remarks(BTreeMap<(&'static str, String), (String, bool)>);
 
 impl Remarks {
-    pub(crate) fn add(&mut self, name: &str, array: &str) {
-        let first = || (array.to_owned(), false);
-        let own = self.0.entry(name.to_owned()).or_insert_with(first);
-        own.1 |= own.0 != array;
+    /// Keeps one, in one line; nothing of one without words.
+    ///
+    /// - `kind`: what the format calls it.
+    pub(crate) fn add(&mut self, kind: &'static str, name: &str, array: &str) {
+        let mut words = name.split_whitespace().collect::<Vec<_>>().join(" ");
+        if words.chars().count() > MAX_SHOWN {
+            words = words.chars().take(MAX_SHOWN).chain("..".chars()).collect();
+        }
+        if !words.is_empty() {
+            let first = || (array.to_owned(), false);
+            let own = self.0.entry((kind, words)).or_insert_with(first);
+            own.1 |= own.0 != array;
+        }
+    }
+
+    /// Keeps the names of states of an array with their numbers.
+    pub(crate) fn add_states(&mut self, states: &[(f64, String)], array: &str) {
+        let all = states
+            .iter()
+            .map(|(number, name)| format!("{name} = {number}"));
+        self.add("states", &all.collect::<Vec<_>>().join(", "), array);
     }
 
     /// Tells them as what is not read.
-    ///
-    /// - `kind`: what the format calls them.
-    pub(crate) fn tell(self, kind: &str, unread: &mut Vec<(String, String)>) {
-        unread.extend(self.0.into_iter().map(|(name, (array, has_others))| {
-            let others = if has_others { " and of others" } else { "" };
-            let whose = if array.is_empty() { "the file" } else { &array };
-            let why = format!("{kind} of {whose}{others}, which is not applied to numbers");
-            (name, why)
-        }));
+    pub(crate) fn tell(self, unread: &mut Vec<(String, String)>) {
+        unread.extend(
+            self.0
+                .into_iter()
+                .map(|((kind, name), (array, has_others))| {
+                    let others = if has_others { " and of others" } else { "" };
+                    let whose = if array.is_empty() { "the file" } else { &array };
+                    let why = format!("{kind} of {whose}{others}, not applied to numbers");
+                    (name, why)
+                }),
+        );
     }
 }
 

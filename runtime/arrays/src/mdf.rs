@@ -18,8 +18,8 @@ const MAX_BLOCKS: usize = 100_000;
 /// The largest size of the numbers of a conversion, and of a text, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// The number of characters of a comment that are shown.
-const MAX_SHOWN: usize = 60;
+/// The largest number of names of states that are looked at.
+const MAX_STATES: usize = 16;
 
 /// The largest number of bytes of records for each byte of the file, which compression has.
 const MAX_EXPANSION: u64 = 1100;
@@ -76,33 +76,59 @@ fn block(input: &mut Input, at: u64, wanted: [u8; 4]) -> Read<Block> {
     })
 }
 
-/// The text at an address, or that of the first `<TX>` of an XML text; empty without one, or where it is none.
+/// What a text says.
+#[derive(Debug, Default)]
+struct Said {
+    /// A plain text, that of `<TX>` in XML, or a text that should be XML and is none.
+    text: String,
+    /// What stands in `<names>`.
+    names: Vec<String>,
+    /// The names of other elements that say something.
+    others: Vec<String>,
+}
+
+impl Said {
+    /// Nothing without an address, or where there is no text.
+    fn read(input: &mut Input, at: Option<u64>) -> Read<Self> {
+        let mut found = Self::default();
+        let Some(at) = at else { return Ok(found) };
+        let (kind, length, _) = head(input, at)?;
+        if !matches!(&kind, b"##TX" | b"##MD") || length > MAX_BYTES {
+            return Ok(found);
+        }
+        let mut bytes = input.bytes(at + 24, length - 24)?;
+        for byte in bytes.iter_mut().filter(|own| own.is_ascii_whitespace()) {
+            *byte = b' ';
+        }
+        found.text = text(&bytes);
+        if kind == *b"##MD"
+            && let Ok(document) = roxmltree::Document::parse(&found.text)
+        {
+            let mut own = Self::default();
+            for node in document.descendants().filter(roxmltree::Node::is_element) {
+                let words = node.text().map_or("", str::trim).to_owned();
+                let around = node.parent_element();
+                match node.tag_name().name() {
+                    _ if words.is_empty() => {}
+                    "TX" if own.text.is_empty() => own.text = words,
+                    _ if around.is_some_and(|own| own.has_tag_name("names")) => {
+                        own.names.push(words);
+                    }
+                    tag => {
+                        let name = node.attribute("name").unwrap_or(tag);
+                        own.others.push(name.to_owned());
+                    }
+                }
+            }
+            found = own;
+        }
+        Ok(found)
+    }
+}
+
+/// The text at an address; empty without one.
 fn name(input: &mut Input, at: Option<u64>) -> Read<String> {
-    let Some(at) = at else {
-        return Ok(String::new());
-    };
-    let (kind, length, _) = head(input, at)?;
-    if !matches!(&kind, b"##TX" | b"##MD") || length > MAX_BYTES {
-        return Ok(String::new());
-    }
-    let all = text(&input.bytes(at + 24, length - 24)?);
-    if kind == *b"##TX" {
-        return Ok(all);
-    }
-    let within = all.split_once("<TX").and_then(|own| own.1.split_once('>'));
-    let within = within.filter(|own| !own.0.ends_with('/'));
-    let within = within.and_then(|own| own.1.split_once("</TX>"));
-    let mut found = within.map_or_else(String::new, |own| own.0.trim().to_owned());
-    for (entity, sign) in [
-        ("&lt;", "<"),
-        ("&gt;", ">"),
-        ("&quot;", "\""),
-        ("&apos;", "'"),
-        ("&amp;", "&"),
-    ] {
-        found = found.replace(entity, sign);
-    }
-    Ok(found)
+    Ok(Said::read(input, at)?.text)
 }
 
 /// How the number in a record becomes the quantity.
@@ -408,7 +434,7 @@ struct Reader<'a> {
     mdf: Mdf,
     arrays: Vec<Array>,
     unread: Vec<(String, String)>,
-    comments: Remarks,
+    remarks: Remarks,
     blocks: usize,
 }
 
@@ -481,17 +507,41 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Keeps what a person wrote about a channel, a group or the file.
-    fn comment(&mut self, at: Option<u64>, of: &str) -> Read<()> {
-        let comment = name(self.input, at)?;
-        let mut words = comment.split_whitespace().collect::<Vec<_>>().join(" ");
-        if words.chars().count() > MAX_SHOWN {
-            words = words.chars().take(MAX_SHOWN).chain("..".chars()).collect();
+    /// Keeps what is said of a channel, a group or the file; returns its other names.
+    fn comment(&mut self, at: Option<u64>, of: &str) -> Read<Vec<String>> {
+        let said = Said::read(self.input, at)?;
+        // what asammdf writes by itself
+        if said.text != "Python" {
+            self.remarks.add("a comment", &said.text, of);
         }
-        // the second is what asammdf writes by itself
-        if !matches!(&*words, "" | "Python") {
-            self.comments.add(&words, of);
+        for own in &said.names {
+            self.remarks.add("another name", own, of);
         }
+        for own in &said.others {
+            self.remarks.add("a property", own, of);
+        }
+        Ok(said.names)
+    }
+
+    /// Keeps what a conversion says beside its numbers: a comment, and names of states.
+    fn states(&mut self, conversion: &Block, of: &str) -> Read<()> {
+        self.comment(conversion.link(2), of)?;
+        let mut fields = Fields::new(&conversion.data, false);
+        // 7: a number has a name, 8: a range of numbers
+        let step = match fields.u8()? {
+            7 => 8,
+            8 => 16,
+            _ => return Ok(()),
+        };
+        fields.skip(23)?;
+        let mut states = Vec::new();
+        let numbers = fields.rest().chunks_exact(step).take(MAX_STATES);
+        for (k, bytes) in numbers.enumerate() {
+            let name = name(self.input, conversion.link(4 + k))?;
+            states.push((Fields::new(bytes, false).f64()?, name));
+        }
+        states.retain(|own| !own.1.is_empty());
+        self.remarks.add_states(&states, of);
         Ok(())
     }
 
@@ -499,13 +549,14 @@ impl Reader<'_> {
     fn source(&mut self, at: Option<u64>, of: &str) -> Read<()> {
         let Some(at) = at else { return Ok(()) };
         let source = block(self.input, at, *b"##SI")?;
-        self.comment(source.link(2), of)
+        self.comment(source.link(2), of)?;
+        Ok(())
     }
 
     fn channel(&mut self, own: &Block, group: usize, title: &str) -> Read<()> {
         let name = name(self.input, own.link(2))?;
         let path = format!("{title}/{name}");
-        self.comment(own.link(7), &path)?;
+        let other_names = self.comment(own.link(7), &path)?;
         self.source(own.link(3), &path)?;
         let (record, bytes, rows) = {
             let own = &self.mdf.groups[group];
@@ -565,6 +616,9 @@ impl Reader<'_> {
         }
         let conversion = own.link(4).map(|at| block(self.input, at, *b"##CC"));
         let conversion = conversion.transpose()?;
+        if let Some(own) = &conversion {
+            self.states(own, &path)?;
+        }
         // the unit of the quantity is with the conversion, or else with the channel
         let unit = conversion.as_ref().and_then(|own| own.link(1));
         let unit = self::name(self.input, unit.or_else(|| own.link(6)))?;
@@ -582,6 +636,7 @@ impl Reader<'_> {
             group: Some(group),
             is_time: matches!(kind, 2 | 3) && clock <= 1,
             unit,
+            other_names,
             ..Array::new(path, vec![rows])
         });
         self.mdf.channels.push(Channel {
@@ -621,11 +676,11 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
         },
         arrays: Vec::new(),
         unread: Vec::new(),
-        comments: Remarks::default(),
+        remarks: Remarks::default(),
         blocks: 0,
     };
     let head = block(reader.input, HEADER, *b"##HD")?;
-    for (place, name) in [(3, "attachments"), (4, "events")] {
+    for (place, name) in [(2, "a hierarchy"), (3, "attachments"), (4, "events")] {
         if head.link(place).is_some() {
             let why = "they stand beside the channels, and are not read".to_owned();
             reader.unread.push((name.to_owned(), why));
@@ -640,7 +695,7 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
         reader.comment(own.link(3), "")?;
         reader.data_group(&own)?;
     }
-    reader.comments.tell("a comment", &mut reader.unread);
+    reader.remarks.tell(&mut reader.unread);
     Ok(Found {
         arrays: reader.arrays,
         unread: reader.unread,

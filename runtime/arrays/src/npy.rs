@@ -329,6 +329,7 @@ impl Header {
             add(
                 Array {
                     is_time: field.clock.is_some_and(|own| own.1),
+                    is_clock: field.clock.is_some(),
                     unit: field.clock.map_or("", |_| "s").to_owned(),
                     columns_first: self.columns_first && field.axes.is_empty(),
                     ..Array::new(path, shape)

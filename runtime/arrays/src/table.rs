@@ -276,6 +276,12 @@ impl Table {
         Some(array.unit.trim()).filter(|unit| !unit.is_empty())
     }
 
+    /// Whether the numbers of a column are dates or spans of time by their type, and thus in s.
+    pub fn is_clock(&self, column: usize) -> bool {
+        let array = self.columns.get(column).map(|own| own.array);
+        array.is_some_and(|own| self.arrays.get(own).is_some_and(|own| own.is_clock))
+    }
+
     /// Why the file has an array of this path, and the table has no such column; `None` for paths that
     /// the file does not have.
     pub fn why_absent(&self, name: &str) -> Option<&str> {
@@ -291,7 +297,8 @@ impl Table {
 
     /// The index of the column that is called so: by its title, a path that starts with `/`, the
     /// title without its first parts, if no other column has the same, the column of a matrix whose
-    /// rows are the columns of the table, or the only column of a vector.
+    /// rows are the columns of the table, the only column of a vector, or a vector by another name of it in
+    /// the file.
     pub fn place(&self, name: &str) -> Option<usize> {
         let name = name.trim_start_matches('/');
         let only = |is_own: &dyn Fn(&str) -> bool| {
@@ -307,6 +314,14 @@ impl Table {
             let (path, index) = inside.rsplit_once("[:,")?;
             Some(format!("{path}[{index},:]"))
         };
+        // a vector, by another name
+        let other = || {
+            let mut all = (0..self.columns.len()).filter(|k| {
+                let array = &self.arrays[self.columns[*k].array];
+                array.other_names.iter().any(|own| own == name)
+            });
+            all.next().filter(|_| all.next().is_none())
+        };
         // the only column of a vector
         let bare = || name.strip_suffix("[:,0]").map(str::to_owned);
         let found = |name: &str| {
@@ -316,6 +331,7 @@ impl Table {
         found(name)
             .or_else(|| found(&turned()?))
             .or_else(|| found(&bare()?))
+            .or_else(other)
     }
 
     /// The numbers of some columns.

@@ -369,7 +369,8 @@ impl Reader {
                     ("description", Property::Text(text)) if text.trim().is_empty() => {}
                     ("wf_xunit_string", Property::Text(unit)) if unit == "s" => {}
                     (name, _) => {
-                        self.properties.add(name, &parts(&path).join("/"));
+                        self.properties
+                            .add("a property", name, &parts(&path).join("/"));
                     }
                 }
             }
@@ -472,16 +473,18 @@ impl Reader {
                 groups.push(group.clone());
                 groups.len() - 1
             });
-            let is_time = matches!(
+            let is_clock = matches!(
                 channel.last,
                 Some(Block {
                     kind: Type::Time(_),
                     ..
                 })
-            ) || matches!(
-                &*name.to_lowercase(),
-                "t" | "time" | "time (s)" | "time [s]"
             );
+            let is_time = is_clock
+                || matches!(
+                    &*name.to_lowercase(),
+                    "t" | "time" | "time (s)" | "time [s]"
+                );
             if let Some(step) = channel.step.filter(|_| !is_time) {
                 let wave = (own, channel.count, step.to_bits(), channel.start.to_bits());
                 if !waves.contains(&wave) {
@@ -495,6 +498,7 @@ impl Reader {
                         place: places.len(),
                         group: Some(own),
                         is_time: true,
+                        is_clock: true,
                         ..Array::new(name, vec![channel.count])
                     });
                     places.push(Place::Steps(channel.start, step, channel.count));
@@ -504,12 +508,13 @@ impl Reader {
                 place: places.len(),
                 group: Some(own),
                 is_time,
+                is_clock,
                 unit: channel.unit,
                 ..Array::new(title, vec![channel.count])
             });
             places.push(Place::Values(channel.pieces, scaling));
         }
-        self.properties.tell("a property", &mut unread);
+        self.properties.tell(&mut unread);
         Found {
             arrays,
             unread,

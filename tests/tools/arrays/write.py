@@ -196,6 +196,13 @@ def seeds():
         with h5py.File(SEEDS / name, "w", libver=version) as file:
             for own, values in log.items():
                 file.create_dataset(own, data=values, **(options if own == "q1" else {}))
+    states = h5py.enum_dtype({"off": 0, "on": 1}, basetype="i2")
+    with h5py.File(SEEDS / "hdf5_states", "w", libver="latest") as file:
+        for own, values in log.items():
+            file.create_dataset(own, data=values)
+        file.create_dataset("mode", data=np.arange(12) % 2, dtype=states)
+    dates = np.datetime64("2026-11-30", "ns") + (1e8 * np.arange(12)).astype("m8[ns]")
+    np.savez(SEEDS / "npz_dates", **(log | {"t": dates}))
     # 8 TB that were never written
     with h5py.File(SEEDS / "hdf5_claims", "w") as file:
         for own in log:
@@ -205,6 +212,14 @@ def seeds():
         mdf.append([Signal(log[own], t, name=own) for own in ("q1", "tau_q1")], common_timebase=True)
         mdf.save(SEEDS / f"{name}.mf4", overwrite=True, compression=compression)
         mdf.close()
+    mdf = MDF(version="4.10")
+    said = "<CNcomment><TX>x &amp; y</TX><names><display>q1</display></names></CNcomment>"
+    names = {"val_0": 0, "text_0": b"off", "val_1": 1, "text_1": b"on", "default": b""}
+    mode = Signal((np.arange(12) % 2).astype("u1"), t, name="mode", conversion=names)
+    q = Signal(log["q1"], t, name="angle", comment=said)
+    mdf.append([q, Signal(log["tau_q1"], t, name="tau_q1"), mode], common_timebase=True)
+    mdf.save(SEEDS / "mdf_names.mf4", overwrite=True)
+    mdf.close()
     with TdmsWriter(SEEDS / "tdms") as writer:
         writer.write_segment([ChannelObject("arm", own, values) for own, values in log.items()])
     for path in [*SEEDS.glob("*.npy"), *SEEDS.glob("*.npz"), *SEEDS.glob("*.mf4")]:

@@ -154,11 +154,17 @@ impl Mdf {
         self.add(*b"##TX", &[], format!("{text}\0").as_bytes())
     }
 
-    /// A conversion of a kind without numbers.
+    /// A conversion of a kind without numbers; that to texts has the states off and on.
     pub fn conversion(&mut self, kind: u8) -> u64 {
-        let mut data = [0; 24];
+        let mut data = vec![0; 24];
         data[0] = kind;
-        self.add(*b"##CC", &[0; 4], &data)
+        let mut links = vec![0; 4];
+        if kind == 7 {
+            links.extend(["off", "on"].map(|own| self.text(own)));
+            data.extend(doubles(&[0.0, 1.0]));
+            data[6] = 2;
+        }
+        self.add(*b"##CC", &links, &data)
     }
 
     /// A channel of doubles at a byte of the record, with the addresses of its conversion, its unit and its
@@ -370,9 +376,30 @@ pub fn mcap(topics: &[Topic<'_>]) -> Vec<u8> {
 /// A record of metadata without entries, as it stands behind the header of an MCAP file.
 pub fn with_metadata(mut mcap: Vec<u8>, name: &str) -> Vec<u8> {
     let body = [&(name.len() as u32).to_le_bytes(), name.as_bytes(), &[0; 4]].concat();
-    let behind_header = 8 + 9 + 8;
-    mcap.splice(behind_header..behind_header, record(12, &body));
+    insert(&mut mcap, 12, &body);
     mcap
+}
+
+/// A channel without messages that has metadata of its own, as it stands behind the header of an MCAP file.
+pub fn with_channel(mut mcap: Vec<u8>, metadata: &str) -> Vec<u8> {
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+    let pair = [text(metadata), text("50")].concat();
+    let length = (pair.len() as u32).to_le_bytes();
+    let body = [
+        &[9, 0, 0, 0][..],
+        &text("/other"),
+        &text("cdr"),
+        &length,
+        &pair,
+    ];
+    insert(&mut mcap, 4, &body.concat());
+    mcap
+}
+
+/// Inserts a record behind the header of an MCAP file.
+fn insert(mcap: &mut Vec<u8>, kind: u8, body: &[u8]) {
+    let behind_header = 8 + 9 + 8;
+    mcap.splice(behind_header..behind_header, record(kind, body));
 }
 
 /// A message of the type `sensor_msgs/msg/JointState` in CDR: its time, ns, and joints with positions and efforts.

@@ -333,18 +333,31 @@ fn springs_of_gazebo(gazebo: &Element, tree: &mut Tree, fields: &mut Fields<'_>)
 /// The name of the file beside a URDF file that closes its loops, as Gepetto's collection has it.
 const BESIDE: &str = "robot.yaml";
 
-/// Reads the closures, motors and joint types of a `robot.yaml` beside the file, if there is one that
-/// closes loops.
+/// The keys of it that are read.
+const READ: [&str; 5] = [
+    "closed_loop",
+    "type",
+    "name_mot",
+    "joint_name",
+    "joint_type",
+];
+
+/// Reads the closures, motors and joint types of a `robot.yaml` beside the file, if there is one.
 pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut Reader<'_>) {
     let Some(text) = reader(BESIDE).ok().and_then(|b| String::from_utf8(b).ok()) else {
         return;
     };
-    let Ok(Value::Object(all)) = serde_saphyr::from_str::<Value>(&text) else {
+    let found = serde_saphyr::from_str::<Value>(&text);
+    let all = found.ok().and_then(|all| all.as_object().cloned());
+    let all = all.unwrap_or_default();
+    if !all.keys().any(|key| READ.contains(&key.as_str())) {
+        let file = fields.log.add(Source::new(BESIDE, text));
+        let note = "not read: it closes no loops, and names no motors";
+        fields.log.note(Place::new(file, Span::new(0, 0)), note);
         return;
-    };
-    let Some(pairs) = all.get("closed_loop").and_then(Value::as_array) else {
-        return;
-    };
+    }
+    let pairs = all.get("closed_loop").and_then(Value::as_array);
+    let pairs = pairs.map(Vec::as_slice).unwrap_or_default();
     let word = |key: &str| {
         let at = text.find(key).unwrap_or(0);
         Span::new(at, at + key.len().min(text.len()))
@@ -359,6 +372,11 @@ pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut
         words.map(str::to_owned).collect()
     };
     let kinds = strings("type");
+    if kinds.len() > pairs.len() {
+        let message = format!("{} types of {} closed loops", kinds.len(), pairs.len());
+        let hint = "each pair of closed_loop has a type, 3d or 6d";
+        fields.log.error(place_of(file, "type"), message, hint);
+    }
     for (k, pair) in pairs.iter().enumerate() {
         let names = pair.as_array().map(Vec::as_slice).unwrap_or_default();
         let names: Vec<&str> = names.iter().filter_map(Value::as_str).collect();
@@ -401,9 +419,20 @@ pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut
             sides: [a, b],
         });
     }
-    motors(&all, &strings("name_mot"), tree);
-    let kinds = strings("joint_type");
-    for (name, kind) in strings("joint_name").iter().zip(kinds) {
+    if all.contains_key("name_mot")
+        && let Some(note) = motors(&all, &strings("name_mot"), tree)
+    {
+        fields.log.note(place_of(file, "name_mot"), note);
+    }
+    let (turned, kinds) = (strings("joint_name"), strings("joint_type"));
+    if turned.len() != kinds.len() {
+        let message = format!("{} types of {} joints", kinds.len(), turned.len());
+        let hint = "each of joint_name has its own of joint_type";
+        fields
+            .log
+            .error(place_of(file, "joint_type"), message, hint);
+    }
+    for (name, kind) in turned.iter().zip(kinds) {
         if tree.joint(name).is_none() {
             let text = "joints that the URDF file has not: {}";
             fields.log.note_each(place_of(file, name), text, name);
@@ -414,13 +443,6 @@ pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut
             fields.log.error(place_of(file, name), message, hint);
         }
     }
-    const READ: [&str; 5] = [
-        "closed_loop",
-        "type",
-        "name_mot",
-        "joint_name",
-        "joint_type",
-    ];
     for key in all.keys().filter(|key| !READ.contains(&key.as_str())) {
         let text = "not used in robot.yaml: {}";
         fields.log.note_each(place_of(file, key), text, key);
@@ -470,16 +492,30 @@ fn turn_into(tree: &mut Tree, name: &str, kind: &str) -> bool {
     found
 }
 
-/// Takes the joints that `name_mot` lists, or all whose names contain its word, as the actuated ones.
-fn motors(all: &serde_json::Map<String, Value>, listed: &[String], tree: &mut Tree) {
+/// Takes the joints that `name_mot` lists, or all whose names contain its word, as the actuated ones; returns what is
+/// left out thereby.
+fn motors(
+    all: &serde_json::Map<String, Value>,
+    listed: &[String],
+    tree: &mut Tree,
+) -> Option<String> {
     let word = all.get("name_mot").and_then(Value::as_str);
     let joints = tree.links.iter().flat_map(|link| &link.joints);
     let joints = joints.map(|joint| joint.name.clone());
     let chosen =
         joints.filter(|name| listed.contains(name) || word.is_some_and(|word| name.contains(word)));
     let chosen: Vec<String> = chosen.collect();
-    if !chosen.is_empty() {
-        tree.actuated = chosen;
-        tree.drives.clear();
+    let missing = listed.iter().filter(|name| !chosen.contains(name));
+    let missing: Vec<&str> = missing.map(String::as_str).collect();
+    if chosen.is_empty() {
+        return Some("no joint is called so: the motors are those of the URDF file".to_owned());
+    }
+    let ratios = !tree.drives.is_empty();
+    tree.actuated = chosen;
+    tree.drives.clear();
+    match (&missing[..], ratios) {
+        ([], false) => None,
+        ([], true) => Some("motors at joints, without the drives of the URDF file".to_owned()),
+        (missing, _) => Some(format!("no joint is called {}", missing.join(", "))),
     }
 }

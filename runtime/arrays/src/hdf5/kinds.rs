@@ -19,6 +19,8 @@ pub(super) struct Member {
     pub(super) axes: Vec<u64>,
     /// How its numbers are stored; `None` for what is no number.
     pub(super) stored: Option<Stored>,
+    /// The numbers that have names, in their order in the file.
+    pub(super) states: Vec<(f64, String)>,
 }
 
 /// A type.
@@ -49,6 +51,7 @@ impl Kind {
             offset: 0,
             axes: Vec::new(),
             stored,
+            states: Vec::new(),
         };
         Self {
             members: stored.map(|_| one).into_iter().collect(),
@@ -111,12 +114,30 @@ impl Kind {
                 ..Self::without(size, "it has references")
             },
             8 => {
-                let base = Self::read(fields, depth + 1)?;
+                let mut base = Self::read(fields, depth + 1)?;
                 let count = (bits & 0xffff) as usize;
+                let mut names = Vec::new();
                 for _ in 0..count {
-                    name(fields, version)?;
+                    names.push(name(fields, version)?);
                 }
-                fields.skip(count.saturating_mul(base.size))?;
+                let numbers = fields.take(count.saturating_mul(base.size))?;
+                if let [
+                    Member {
+                        stored: Some(stored),
+                        states,
+                        ..
+                    },
+                ] = &mut base.members[..]
+                {
+                    let numbers = numbers.chunks_exact(base.size.max(1));
+                    let numbers = numbers.map(|bytes| stored.number(bytes));
+                    *states = numbers.zip(names).collect();
+                    // what h5py makes of truths
+                    if matches!(&states[..], [(_, no), (_, yes)] if no == "FALSE" && yes == "TRUE")
+                    {
+                        states.clear();
+                    }
+                }
                 base
             }
             9 => {
@@ -192,6 +213,7 @@ impl Kind {
                     offset,
                     axes: Vec::new(),
                     stored: None,
+                    states: Vec::new(),
                 });
             } else {
                 members.extend(kind.members.iter().map(|inner| Member {
@@ -199,6 +221,7 @@ impl Kind {
                     offset: offset.saturating_add(inner.offset),
                     axes: axes.iter().chain(&inner.axes).copied().collect(),
                     stored: inner.stored,
+                    states: inner.states.clone(),
                 }));
             }
             if members.len() > MAX_MEMBERS {
@@ -234,4 +257,25 @@ fn name(fields: &mut Fields<'_>, version: u8) -> Read<String> {
         end + 1
     };
     Ok(text(fields.take(length)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_enumeration_has_the_names_of_its_numbers_but_truths_need_none() {
+        let of = |names: &[u8]| {
+            // two names of whole numbers of two bytes with a sign
+            let head = [
+                0x38, 2, 0, 0, 2, 0, 0, 0, 0x10, 8, 0, 0, 2, 0, 0, 0, 0, 0, 16, 0,
+            ];
+            let bytes = [&head[..], names, &[0xff, 0xff, 1, 0]].concat();
+            let kind = Kind::read(&mut Fields::new(&bytes, false), 0).ok()?;
+            kind.members.first().map(|own| own.states.clone())
+        };
+        let expected = [(-1.0, "off".to_owned()), (1.0, "on".to_owned())];
+        assert_eq!(of(b"off\0on\0").as_deref(), Some(&expected[..]));
+        assert_eq!(of(b"FALSE\0TRUE\0"), Some(Vec::new()));
+    }
 }

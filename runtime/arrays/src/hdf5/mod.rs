@@ -165,7 +165,7 @@ struct Walk<'a> {
     arrays: Vec<Array>,
     places: Vec<Place>,
     unread: Vec<(String, String)>,
-    attributes: Remarks,
+    remarks: Remarks,
 }
 
 impl Walk<'_> {
@@ -188,7 +188,7 @@ impl Walk<'_> {
             other => other?,
         };
         for name in &object.attributes {
-            self.attributes.add(name, path);
+            self.remarks.add("an attribute", name, path);
         }
         self.above.insert(at);
         let found = match &object.storage {
@@ -288,6 +288,7 @@ impl Walk<'_> {
             offset,
             axes,
             stored,
+            states,
         } in &kind.members
         {
             let own = match (name.as_str(), self.is_matlab) {
@@ -298,6 +299,7 @@ impl Walk<'_> {
                 self.leave(&own, "it has no numbers")?;
                 continue;
             };
+            self.remarks.add_states(states, &own);
             // MATLAB names the sizes in the other order
             let mut whole: Vec<u64> = shape.iter().chain(axes).copied().collect();
             if self.is_matlab {
@@ -375,17 +377,17 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
         arrays: Vec::new(),
         places: Vec::new(),
         unread: Vec::new(),
-        attributes: Remarks::default(),
+        remarks: Remarks::default(),
     };
     walk.object(root, "", "")?;
     let Walk {
         arrays,
         places,
         mut unread,
-        attributes,
+        remarks,
         ..
     } = walk;
-    attributes.tell("an attribute", &mut unread);
+    remarks.tell(&mut unread);
     Ok(Found {
         arrays,
         unread,

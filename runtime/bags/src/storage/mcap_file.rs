@@ -230,6 +230,11 @@ impl McapMessages {
                         self.any.as_deref(),
                     );
                     self.channels.insert(channel.id, own);
+                    // ROS 2 writes these by itself
+                    let by_itself =
+                        |own: &String| matches!(&**own, "offered_qos_profiles" | "topic_type_hash");
+                    let said = channel.metadata.into_keys().filter(|own| !by_itself(own));
+                    self.beside.extend(said);
                 }
                 Ok(false)
             }

@@ -63,7 +63,9 @@ impl<'a> CsvRows<'a> {
         let open = || -> Result<Records, csv::Error> {
             let mut start = written.start();
             let from = |place: Place| at(&file, place);
-            if written.has_header() && written.separator() == Separator::Blank {
+            if let Some(first) = written.behind_units {
+                start = first;
+            } else if written.has_header() && written.separator() == Separator::Blank {
                 let mut lines = Lines::new(from(start)?, start);
                 while let Some((line, place)) = lines.next_line()? {
                     start = place;

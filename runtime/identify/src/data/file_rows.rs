@@ -74,7 +74,7 @@ pub(super) struct Opening<'a> {
     pub(super) time: Option<&'a str>,
     /// The stamp from which the times of recordings count, ns: that of the first one.
     pub(super) start: Option<i64>,
-    /// The same of the dates in CSV files.
+    /// The same of the dates in CSV and Parquet files.
     pub(super) dated: Option<i64>,
 }
 
@@ -248,7 +248,8 @@ impl Opening<'_> {
         if first.starts_with(&PARQUET_MAGIC) {
             #[cfg(feature = "parquet")]
             {
-                let (titles, contents) = super::parquet::contents(path, self.episode)?;
+                let (titles, contents) =
+                    super::parquet::contents(path, self.episode, &mut self.dated)?;
                 return Ok(vec![Table {
                     path: path.to_path_buf(),
                     titles,
@@ -354,10 +355,6 @@ impl Table {
     }
 
     /// The unit that the file states of a column beside its title.
-    #[cfg_attr(
-        not(any(feature = "arrays", feature = "parquet")),
-        allow(unused_variables, clippy::unused_self)
-    )]
     fn unit(&self, column: usize) -> Option<&str> {
         match &self.kind {
             #[cfg(feature = "arrays")]
@@ -367,7 +364,28 @@ impl Table {
                 let unit = contents.units.get(column).map(String::as_str);
                 unit.filter(|unit| !unit.is_empty())
             }
-            _ => None,
+            #[cfg(feature = "bags")]
+            Kind::Bag(_) => None,
+            Kind::Csv(written, _) => {
+                let unit = written.units.get(column).map(String::as_str);
+                unit.filter(|unit| !unit.is_empty())
+            }
+        }
+    }
+
+    /// Whether the numbers of a column are dates or spans of time by their type, and thus in s.
+    pub(super) fn is_clock(&self, column: usize) -> bool {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.is_clock(column),
+            #[cfg(feature = "bags")]
+            Kind::Bag(_) => matches!(
+                self.titles.get(column).map(String::as_str),
+                Some("t" | "t_received")
+            ),
+            #[cfg(feature = "parquet")]
+            Kind::Parquet(contents) => contents.clocks.get(column).is_some_and(|own| *own),
+            Kind::Csv(written, _) => written.dates == Some(column),
         }
     }
 

@@ -310,6 +310,26 @@ impl<'a> Finder<'a> {
         ))
     }
 
+    /// Refuses a unit or a factor of times that are in s by their type, such as dates.
+    fn require_seconds(&self) -> Result<(), String> {
+        let Some(given) = self.given(&Quantity::Time) else {
+            return Ok(());
+        };
+        let own = |table: &Table| {
+            self.time_in(table)?
+                .index
+                .filter(|own| table.is_clock(*own))
+        };
+        let is_clock = self.tables.iter().any(|table| own(table).is_some());
+        if is_clock && (given.factor - 1.0).abs() > 0.0 {
+            return Err(format!(
+                "`{column}` has dates or spans of time, which are read in s: assign it without a unit, `t={column}`",
+                column = given.column
+            ));
+        }
+        Ok(())
+    }
+
     /// The column of an assignment or, if there is no assignment or its optional column is missing,
     /// the column with a title; `None` if there is neither.
     pub(super) fn find_as(
@@ -384,6 +404,7 @@ impl<'a> Finder<'a> {
     /// The column of time of the run, and those of all files if they are joined by time.
     pub(super) fn times(&self) -> Result<(Channel, Option<Vec<Channel>>), Unfit> {
         let missing = || self.missing(&Quantity::Time, "time in s");
+        self.require_seconds()?;
         let each: Option<Vec<Channel>> = self.tables.iter().map(|t| self.time_in(t)).collect();
         let several = self.tables.len() > 1;
         if self.search.poses {

@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use parquet::basic::{ConvertedType, LogicalType};
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit, TimestampType};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{DataType, FixedLenByteArray};
 use parquet::errors::ParquetError;
@@ -136,11 +136,43 @@ enum Kind {
     Decimal(f64),
     /// Half precision, in two bytes.
     Half,
+    /// Counts of so many ns, of dates from a date on, ns.
+    Clock(i64, i64),
+}
+
+/// Whether a column has dates, and no times of the day.
+fn has_dates(column: &ColumnDescriptor) -> bool {
+    let converted = column.converted_type();
+    matches!(column.logical_type_ref(), Some(LogicalType::Timestamp(_)))
+        || matches!(
+            converted,
+            ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIMESTAMP_MICROS
+        )
 }
 
 impl Kind {
-    fn of(column: &ColumnDescriptor) -> Self {
+    /// - `dated`: the date from which dates count, ns since 1970.
+    fn of(column: &ColumnDescriptor, dated: i64) -> Self {
+        let tick = |unit| match unit {
+            TimeUnit::MILLIS => 1_000_000,
+            TimeUnit::MICROS => 1000,
+            TimeUnit::NANOS => 1,
+        };
+        let dated = if has_dates(column) { dated } else { 0 };
         match (column.logical_type_ref(), column.converted_type()) {
+            (
+                Some(
+                    LogicalType::Timestamp(TimestampType { unit, .. })
+                    | LogicalType::Time(TimestampType { unit, .. }),
+                ),
+                _,
+            ) => Self::Clock(tick(*unit), dated),
+            (_, ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS) => {
+                Self::Clock(tick(TimeUnit::MILLIS), dated)
+            }
+            (_, ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS) => {
+                Self::Clock(tick(TimeUnit::MICROS), dated)
+            }
             (Some(LogicalType::Float16), _) => Self::Half,
             (Some(LogicalType::Integer(int)), _) if !int.is_signed => Self::Unsigned,
             (_, ConvertedType::UINT_32 | ConvertedType::UINT_64) => Self::Unsigned,
@@ -155,6 +187,7 @@ impl Kind {
         match self {
             Self::Unsigned => f64::from(x.cast_unsigned()),
             Self::Decimal(parts) => f64::from(x) / parts,
+            Self::Clock(..) => self.int64(i64::from(x)),
             _ => f64::from(x),
         }
     }
@@ -163,6 +196,10 @@ impl Kind {
         match self {
             Self::Unsigned => x.cast_unsigned() as f64,
             Self::Decimal(parts) => x as f64 / parts,
+            // differences of integers, which seconds since 1970 do not resolve
+            Self::Clock(tick, from) => {
+                (i128::from(x) * i128::from(tick) - i128::from(from)) as f64 / 1e9
+            }
             _ => x as f64,
         }
     }
@@ -301,6 +338,8 @@ pub(super) struct ParquetRows {
     /// For each wanted column the index of its leaf, and its place there.
     places: Vec<(usize, Place)>,
     leaves: Vec<Leaf>,
+    /// The date from which dates count, ns since 1970.
+    dated: i64,
     /// The first and the last row that is read, from 1.
     span: Option<(u64, u64)>,
     reader: SerializedFileReader<File>,
@@ -357,6 +396,7 @@ impl ParquetRows {
             wanted,
             places,
             leaves,
+            dated: contents.dated,
             span: contents.rows,
             reader,
             group: 0,
@@ -416,7 +456,7 @@ impl ParquetRows {
             let column = schema.column(*index);
             self.columns.push(Column {
                 reader,
-                kind: Kind::of(&column),
+                kind: Kind::of(&column, self.dated),
                 width: *width,
                 deepest: column.max_def_level(),
             });

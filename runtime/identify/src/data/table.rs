@@ -6,6 +6,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 
 use csv::{Reader, ReaderBuilder};
 
+use super::columns::file_unit;
 use super::lines::{Limited, Place};
 use super::start::{self, Row, Start};
 use super::{dates, number};
@@ -76,8 +77,14 @@ pub(super) struct Written {
     comment: u8,
     /// The names of the columns; their numbers from 1 where the file does not name them.
     pub(super) titles: Vec<String>,
+    /// The units of the columns, of a file with a row of these behind its names.
+    pub(super) units: Vec<String>,
+    /// Where the first row with numbers begins, of a file with units.
+    pub(super) behind_units: Option<Place>,
     /// The first date with a time of the day in it, ns since 1970; dates count from it or another one.
     pub(super) dated: Option<i64>,
+    /// The first column with dates.
+    pub(super) dates: Option<usize>,
     /// The lines that are no rows, at the start and the end of the file, with the reason why.
     pub(super) remarks: Vec<(String, String)>,
 }
@@ -126,6 +133,24 @@ fn remarks(bytes: &[u8], start: u64, comment: u8) -> Vec<(String, String)> {
         found.push((format!("{more} more lines"), why.to_owned()));
     }
     found
+}
+
+/// A unit without brackets around it.
+fn unbracketed(cell: &str) -> String {
+    let cell = cell.trim_matches(|own| matches!(own, '[' | ']' | '(' | ')'));
+    cell.trim().to_owned()
+}
+
+/// Whether a row between the names and the first numbers has units.
+fn are_units(names: &Row, units: &Row, first: &Row, decimal_comma: bool) -> bool {
+    let is_number = |cell: &String| number::is_one(cell, decimal_comma);
+    names.cells.len() == units.cells.len()
+        && !units.cells.iter().any(is_number)
+        && units
+            .cells
+            .iter()
+            .any(|own| file_unit(&unbracketed(own)).is_some())
+        && first.cells.iter().any(is_number)
 }
 
 impl Written {
@@ -179,6 +204,14 @@ impl Written {
         }
         let numbers = |texts: &[String]| texts.iter().all(|t| number::is_one(t, decimal_comma));
         let has_header = asked.header == Header::Auto && (first.is_empty() || !numbers(first));
+        let units = match rows.get(..3) {
+            Some([names, units, first])
+                if has_header && are_units(names, units, first, decimal_comma) =>
+            {
+                Some((units, first.place))
+            }
+            _ => None,
+        };
         let titles = if has_header {
             first.to_vec()
         } else {
@@ -199,18 +232,24 @@ impl Written {
             let whole = memchr::memchr(b'\n', &end).unwrap_or(0);
             lines.extend(remarks(end.get(whole..).unwrap_or_default(), 0, comment));
         }
+        let date = rows
+            .iter()
+            .flat_map(|row| row.cells.iter().enumerate())
+            .find_map(|(k, text)| Some((k, dates::nanoseconds(text.as_bytes())?)));
         Ok(Self {
             separator,
             decimal_comma,
             has_header,
             start,
             comment,
+            units: units.map_or_else(Vec::new, |(own, _)| {
+                own.cells.iter().map(|own| unbracketed(own)).collect()
+            }),
+            behind_units: units.map(|own| own.1),
             titles,
             remarks: lines,
-            dated: rows
-                .iter()
-                .flat_map(|row| &row.cells)
-                .find_map(|text| dates::nanoseconds(text.as_bytes())),
+            dated: date.map(|own| own.1),
+            dates: date.map(|own| own.0),
         })
     }
 

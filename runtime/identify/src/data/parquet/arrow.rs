@@ -138,18 +138,27 @@ fn add(field: Table<'_>, around: &str, depth: usize, left: &mut usize, out: &mut
     } else {
         format!("{around}.{name}")
     };
+    let mut say = |key: String, value: String| {
+        let field = path.clone();
+        out.push(Said { field, key, value });
+    };
     for pair in field.tables(6) {
         if *left == 0 {
             return;
         }
         *left -= 1;
         if let (Some(key), Some(value)) = (pair.text(0), pair.text(1)) {
-            out.push(Said {
-                field: path.clone(),
-                key,
-                value,
-            });
+            say(key, value);
         }
+    }
+    let byte = |at: Option<usize>| field.bytes.get(at?).copied();
+    // the type of spans of time; milliseconds are the default, which is not stored
+    if byte(field.field(2)) == Some(18)
+        && let Some(kind) = field.table(3)
+        && let Some(unit) =
+            ["s", "ms", "us", "ns"].get(usize::from(byte(kind.field(0)).unwrap_or(1)))
+    {
+        say("unit".to_owned(), (*unit).to_owned());
     }
     for child in field.tables(5) {
         add(child, &path, depth - 1, left, out);

@@ -14,7 +14,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use serde_json::Value;
 
 use super::arrow::{self, Said};
-use super::{Kind, ParquetRows, column, lists, open, unfit};
+use super::{BATCH, Kind, ParquetRows, catch_panic, column, has_dates, lists, open, unfit};
 use crate::data::file_rows::Wanted;
 use crate::data::problem::DataError;
 use crate::document::require_regular;
@@ -57,6 +57,10 @@ pub(in crate::data) struct Contents {
     pub(super) rows: Option<(u64, u64)>,
     /// The unit that the file states of each column; empty without one.
     pub(in crate::data) units: Vec<String>,
+    /// Whether the type of each column is that of dates or times of the day, which are read in s.
+    pub(in crate::data) clocks: Vec<bool>,
+    /// The date from which dates count, ns since 1970.
+    pub(super) dated: i64,
     /// What the file has besides columns, with the reasons why it is not read.
     pub(in crate::data) absent: Vec<(String, String)>,
 }
@@ -123,7 +127,7 @@ fn title(feature: &str, names: &[String], size: usize, element: usize) -> String
 /// The number of elements of the first list of a column; `None` if the list contains no numbers.
 fn first_length(path: &Path, reader: &SerializedFileReader<File>, leaf: usize) -> Option<usize> {
     let schema = reader.metadata().file_metadata().schema_descr();
-    let kind = Kind::of(&schema.column(leaf));
+    let kind = Kind::of(&schema.column(leaf), 0);
     let length = match column(path, reader, 0, leaf).ok()? {
         ColumnReader::DoubleColumnReader(mut own) => lists::first_length(&mut own),
         ColumnReader::FloatColumnReader(mut own) => lists::first_length(&mut own),
@@ -139,12 +143,28 @@ fn first_length(path: &Path, reader: &SerializedFileReader<File>, leaf: usize) -
         .filter(|length| (1..=MAX_ELEMENTS).contains(length))
 }
 
+/// The first date of a column in the first rows, ns since 1970.
+fn first_date(path: &Path, reader: &SerializedFileReader<File>, leaf: usize) -> Option<i64> {
+    let schema = reader.metadata().file_metadata().schema_descr();
+    let Kind::Clock(tick, _) = Kind::of(&schema.column(leaf), 0) else {
+        return None;
+    };
+    let ColumnReader::Int64ColumnReader(mut own) = column(path, reader, 0, leaf).ok()? else {
+        return None;
+    };
+    let (mut levels, mut values) = (Vec::new(), Vec::new());
+    catch_panic(|| own.read_records(BATCH, Some(&mut levels), None, &mut values)).ok()?;
+    values.first()?.checked_mul(tick)
+}
+
 /// The titles of a file's columns and where their numbers are.
 ///
 /// - `episode`: the index of the episode that is read, of a file that has several.
+/// - `dated`: the date from which dates count, ns since 1970; the first one of this file if there is none yet.
 pub(in crate::data) fn contents(
     path: &Path,
     episode: Option<u64>,
+    dated: &mut Option<i64>,
 ) -> Result<(Vec<String>, Contents), DataError> {
     let reader = open(path)?;
     if reader.metadata().file_metadata().num_rows() == 0 {
@@ -218,10 +238,24 @@ pub(in crate::data) fn contents(
             absent.push((own.key.clone(), why));
         }
     }
+    let clocks: Vec<bool> = places
+        .iter()
+        .map(|place| matches!(Kind::of(&schema.column(place.leaf), 0), Kind::Clock(..)))
+        .collect();
+    if dated.is_none() {
+        let dates = places
+            .iter()
+            .filter(|own| has_dates(&schema.column(own.leaf)));
+        *dated = dates
+            .map(|own| own.leaf)
+            .find_map(|leaf| first_date(path, &reader, leaf));
+    }
     let mut contents = Contents {
         places,
         rows: None,
         units,
+        clocks,
+        dated: dated.unwrap_or(0),
         absent,
     };
     match (episodes, episode) {
