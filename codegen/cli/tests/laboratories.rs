@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::common::logs::{doubles, npy, zip};
 use crate::common::{regen, root, scratch};
 use regen_identify::data::{Assignment, DataError, Run, Settings, Track, tracks};
 use regen_runtime::Info;
@@ -93,6 +94,43 @@ fn channels_of_a_group_are_called_by_their_names() {
     for name in ["plain.mf4", "packed.mf4", "segments.tdms"] {
         assert_motion(&format!("arrays/{name}"), &[]);
         assert_motion(&format!("arrays/{name}"), &["t=arm/time", "q1=arm/q1"]);
+    }
+}
+
+#[test]
+fn files_whose_times_are_dates_are_joined_by_these() {
+    let dir = scratch("joined_dates");
+    let rows = 60;
+    let file = |name: &str, first: u64, column: &str| {
+        let dates: Vec<u8> = (0..rows)
+            .flat_map(|k| (first + 10 * k).to_le_bytes())
+            .collect();
+        let numbers: Vec<f64> = (0..rows).map(|k| k as f64).collect();
+        let count = rows as usize;
+        let bytes = zip(&[
+            ("t.npy", npy("'<M8[ms]'", count, &dates)),
+            (column, npy("'<f8'", count, &doubles(&numbers))),
+        ]);
+        fs::write(dir.join(name), bytes).unwrap();
+        dir.join(name)
+    };
+    let second = file("second.npz", 1_000_200, "tau_q1.npy");
+    let run = Run {
+        files: vec![file("first.npz", 1_000_000, "q1.npy"), second],
+        ..Run::from(dir.join("first.npz"))
+    };
+    let info = Info {
+        name: "arm",
+        coordinates: &["q1"],
+        independent: &[0],
+        actuated: &[0],
+        ..Info::EMPTY
+    };
+    let (found, _) = tracks(&run, &info, &Settings::default(), &[]).unwrap();
+    let track = &found[0];
+    assert!((track.times[0] - 0.2).abs() < 1e-12, "{:?}", track.times);
+    for (q, tau) in track.positions[0].1.iter().zip(&track.efforts[0].1) {
+        assert!((q - tau - 20.0).abs() < 1e-9, "{q} {tau}");
     }
 }
 

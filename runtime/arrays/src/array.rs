@@ -60,6 +60,11 @@ impl Array {
 pub(crate) trait Container: Debug + Send + Sync {
     /// All numbers of an array, in the order of the file.
     fn numbers(&self, input: &mut Input, place: usize) -> Read<Vec<f64>>;
+
+    /// The date from which the times of an array count, ns since 1970; `None` if that is not known.
+    fn date(&self, _: &mut Input, _: usize) -> Read<Option<i64>> {
+        Ok(None)
+    }
 }
 
 /// The arrays of a file.

@@ -138,7 +138,11 @@ pub fn open(path: &Path, time: Option<&str>) -> Result<Vec<Table>, ArrayError> {
         );
         return Err(failed(Why::Refused(why)));
     }
-    Ok(Table::all(path, found, time))
+    let mut tables = Table::all(path, found, time);
+    for own in &mut tables {
+        own.find_date(&mut input).map_err(failed)?;
+    }
+    Ok(tables)
 }
 
 fn read(input: &mut Input, path: &Path) -> Read<Found> {

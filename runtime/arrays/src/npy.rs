@@ -307,6 +307,15 @@ impl Header {
         Ok(inside.map(|bytes| stored.number(bytes)).collect())
     }
 
+    /// The first date of a field, ns since 1970.
+    fn date(&self, bytes: &[u8], field: usize) -> Option<i64> {
+        let own = self.fields.get(field)?;
+        let (unit, is_date) = own.clock?;
+        let records = bytes.chunks_exact(self.record.max(1));
+        let date = || first_date(records, own.offset, own.stored?.big, unit);
+        is_date.then(date).flatten()
+    }
+
     /// Lists the arrays of numbers of these records under a name.
     fn list(
         &self,
@@ -340,6 +349,30 @@ impl Header {
     }
 }
 
+/// The first date in ns since 1970; `None` without any, and of one that so many ns do not reach.
+fn first_date<'a>(
+    mut records: impl Iterator<Item = &'a [u8]>,
+    offset: usize,
+    big: bool,
+    [unit, parts]: [f64; 2],
+) -> Option<i64> {
+    let count =
+        records.find_map(|record| ticks(record, offset, big).filter(|own| *own > i64::MIN))?;
+    // units are whole numbers of ns
+    let tick = (unit * 1e9 / parts) as i64;
+    count.checked_mul(tick)
+}
+
+/// The count of a date or a span of time in a record.
+fn ticks(record: &[u8], offset: usize, big: bool) -> Option<i64> {
+    let bytes = *record.get(offset..)?.first_chunk::<8>()?;
+    Some(if big {
+        i64::from_be_bytes(bytes)
+    } else {
+        i64::from_le_bytes(bytes)
+    })
+}
+
 /// Times in s. Dates count from the first one, since those since 1970 in ns have more digits than a number.
 fn times<'a>(
     records: impl Iterator<Item = &'a [u8]>,
@@ -351,14 +384,8 @@ fn times<'a>(
     let mut first = None;
     let mut out = Vec::new();
     for record in records {
-        let bytes = record.get(offset..).and_then(|own| own.get(..8));
-        let Some(bytes) = bytes.and_then(|own| <[u8; 8]>::try_from(own).ok()) else {
+        let Some(count) = ticks(record, offset, stored.big) else {
             return broken("a field is not within its record");
-        };
-        let count = if stored.big {
-            i64::from_be_bytes(bytes)
-        } else {
-            i64::from_le_bytes(bytes)
         };
         // NumPy's mark for no time
         if count == i64::MIN {
@@ -386,6 +413,12 @@ impl Container for Npy {
         let start = input.len().saturating_sub(bytes);
         let data = input.data(start, bytes)?;
         self.0.numbers(&data, array)
+    }
+
+    fn date(&self, input: &mut Input, array: usize) -> Read<Option<i64>> {
+        let bytes = self.0.bytes()?;
+        let start = input.len().saturating_sub(bytes);
+        Ok(self.0.date(&input.data(start, bytes)?, array))
     }
 }
 
@@ -423,8 +456,9 @@ struct Npz {
     places: Vec<(usize, usize)>,
 }
 
-impl Container for Npz {
-    fn numbers(&self, input: &mut Input, array: usize) -> Read<Vec<f64>> {
+impl Npz {
+    /// The header, the content and the field of an array.
+    fn content(&self, input: &mut Input, array: usize) -> Read<(&Header, Vec<u8>, usize)> {
         let found = self.places.get(array);
         let found = found.and_then(|(entry, field)| Some((self.entries.get(*entry)?, *field)));
         let Some(((entry, header), field)) = found else {
@@ -436,7 +470,19 @@ impl Container for Npz {
         let Some(start) = start else {
             return broken(format!("{} of it ends early", entry.name));
         };
-        header.numbers(&bytes[start as usize..], field)
+        Ok((header, bytes[start as usize..].to_vec(), field))
+    }
+}
+
+impl Container for Npz {
+    fn numbers(&self, input: &mut Input, array: usize) -> Read<Vec<f64>> {
+        let (header, bytes, field) = self.content(input, array)?;
+        header.numbers(&bytes, field)
+    }
+
+    fn date(&self, input: &mut Input, array: usize) -> Read<Option<i64>> {
+        let (header, bytes, field) = self.content(input, array)?;
+        Ok(header.date(&bytes, field))
     }
 }
 

@@ -21,6 +21,10 @@ pub struct Table {
     titles: Vec<String>,
     columns: Vec<Column>,
     time: Option<usize>,
+    /// The date from which its times count in the file, ns since 1970.
+    date: Option<i64>,
+    /// What is added to these times, s.
+    shift: f64,
     absent: Vec<(String, String)>,
     matrices: Vec<Matrix>,
 }
@@ -175,6 +179,8 @@ impl Table {
                 titles: Vec::new(),
                 columns: Vec::new(),
                 time: None,
+                date: None,
+                shift: 0.0,
                 absent: unread.clone(),
                 matrices: Vec::new(),
             };
@@ -263,6 +269,31 @@ impl Table {
     /// format says.
     pub fn time(&self) -> Option<usize> {
         self.time
+    }
+
+    /// The date from which its times count, ns since 1970: that of the first one, if the file has dates.
+    pub fn date(&self) -> Option<i64> {
+        self.date
+    }
+
+    /// The same table, whose dates count from another one, ns since 1970.
+    #[must_use]
+    pub fn counting_from(mut self, date: i64) -> Self {
+        let own = self.date.unwrap_or(date);
+        self.shift = (i128::from(own) - i128::from(date)) as f64 / 1e9;
+        self
+    }
+
+    /// Finds the date from which its times count.
+    pub(crate) fn find_date(&mut self, input: &mut Input) -> Read<()> {
+        let time = self.time.and_then(|own| self.columns.get(own));
+        if let Some(own) = time.and_then(|own| self.arrays.get(own.array))
+            && own.is_clock
+        {
+            input.renew();
+            self.date = self.container.date(input, own.place)?;
+        }
+        Ok(())
     }
 
     /// The matrices whose columns are in the table.
@@ -370,7 +401,13 @@ impl Table {
                     && other.array == own.array
                 {
                     let from = numbers.get(other.first..).unwrap_or_default();
-                    column.extend(from.iter().step_by(other.step.max(1)).take(self.rows));
+                    let own = from.iter().step_by(other.step.max(1));
+                    column.extend(own.take(self.rows));
+                    if self.time == Some(*k) && self.shift.abs() > 0.0 {
+                        for x in column.iter_mut() {
+                            *x += self.shift;
+                        }
+                    }
                 }
             }
         }

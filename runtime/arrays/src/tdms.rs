@@ -27,6 +27,37 @@ const RAW: f64 = 4_294_967_295.0;
 /// A fraction of a second in a time of LabVIEW.
 const FRACTION: f64 = 1.0 / 18_446_744_073_709_551_616.0;
 
+/// Seconds from 1904, from which LabVIEW counts, to 1970.
+const EPOCH: i64 = 2_082_844_800;
+
+/// A time of LabVIEW.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stamp {
+    seconds: i64,
+    part: u64,
+}
+
+impl Stamp {
+    fn read(bytes: &[u8], big: bool) -> Read<Self> {
+        let mut fields = Fields::new(bytes, big);
+        let (one, other) = (fields.u64()?, fields.u64()?);
+        let (seconds, part) = if big { (one, other) } else { (other, one) };
+        Ok(Self {
+            seconds: seconds.cast_signed(),
+            part,
+        })
+    }
+
+    /// In ns since 1970, if so many ns reach it.
+    fn nanoseconds(self) -> Option<i64> {
+        let whole = self
+            .seconds
+            .checked_sub(EPOCH)?
+            .checked_mul(1_000_000_000)?;
+        whole.checked_add((self.part as f64 * FRACTION * 1e9) as i64)
+    }
+}
+
 /// How the values of a channel are stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Type {
@@ -98,6 +129,8 @@ struct Channel {
     /// The step of a waveform, and the time of its first value, s.
     step: Option<f64>,
     start: f64,
+    /// The date from which the waveform's times count, ns since 1970.
+    date: Option<i64>,
     unit: String,
 }
 
@@ -105,8 +138,8 @@ struct Channel {
 #[derive(Clone, Debug)]
 enum Place {
     Values(Vec<Piece>, Scaling),
-    /// Times at a step from one on.
-    Steps(f64, f64, u64),
+    /// Times at a step from one on, and the date from which they count, ns since 1970.
+    Steps(f64, f64, u64, Option<i64>),
 }
 
 #[derive(Debug)]
@@ -116,14 +149,14 @@ impl Container for Tdms {
     fn numbers(&self, input: &mut Input, place: usize) -> Read<Vec<f64>> {
         let (pieces, scaling) = match self.0.get(place) {
             Some(Place::Values(pieces, scaling)) => (pieces, scaling),
-            Some(Place::Steps(start, step, count)) => {
+            Some(Place::Steps(start, step, count, _)) => {
                 return Ok((0..*count).map(|k| start + step * k as f64).collect());
             }
             None => return refused("it has disappeared"),
         };
         let mut out = Vec::new();
         // times count from the first one, since those since 1904 resolve no microseconds
-        let mut first: Option<(i64, u64)> = None;
+        let mut first: Option<Stamp> = None;
         for piece in pieces {
             let size = piece.kind.size().unwrap_or(0);
             let Some(last) = piece.count.checked_sub(1) else {
@@ -138,19 +171,31 @@ impl Container for Tdms {
                 })),
                 Type::Time(big) => {
                     for own in values {
-                        let mut fields = Fields::new(own, big);
-                        let (one, other) = (fields.u64()?, fields.u64()?);
-                        let (seconds, part) = if big { (one, other) } else { (other, one) };
-                        let own = (seconds.cast_signed(), part);
+                        let own = Stamp::read(own, big)?;
                         let from = *first.get_or_insert(own);
-                        let whole = own.0.wrapping_sub(from.0) as f64;
-                        out.push(whole + (own.1 as f64 - from.1 as f64) * FRACTION);
+                        let whole = own.seconds.wrapping_sub(from.seconds) as f64;
+                        out.push(whole + (own.part as f64 - from.part as f64) * FRACTION);
                     }
                 }
                 Type::Other(_) => return refused("it has no numbers"),
             }
         }
         Ok(out)
+    }
+
+    fn date(&self, input: &mut Input, place: usize) -> Read<Option<i64>> {
+        match self.0.get(place) {
+            Some(Place::Steps(.., date)) => Ok(*date),
+            Some(Place::Values(pieces, _)) => match pieces.iter().find(|own| own.count > 0) {
+                Some(Piece {
+                    at,
+                    kind: Type::Time(big),
+                    ..
+                }) => Ok(Stamp::read(&input.data(*at, 16)?, *big)?.nanoseconds()),
+                _ => Ok(None),
+            },
+            None => Ok(None),
+        }
     }
 }
 
@@ -218,6 +263,7 @@ fn scaling(scales: &Scales, parts: &[String]) -> Result<Scaling, ()> {
 enum Property {
     Text(String),
     Number(f64),
+    Time(Stamp),
     Other,
 }
 
@@ -243,7 +289,8 @@ fn property(fields: &mut Fields<'_>, big: bool) -> Read<Property> {
     let bytes = fields.take(size as usize)?;
     Ok(match kind {
         Type::Number(stored) => Property::Number(stored.number(bytes)),
-        _ => Property::Other,
+        Type::Time(big) => Property::Time(Stamp::read(bytes, big)?),
+        Type::Other(_) => Property::Other,
     })
 }
 
@@ -346,6 +393,7 @@ impl Reader {
                         channel.step = Some(step);
                     }
                     ("wf_start_offset", Property::Number(start)) => channel.start = start,
+                    ("wf_start_time", Property::Time(own)) => channel.date = own.nanoseconds(),
                     ("unit_string", Property::Text(unit)) => channel.unit = unit,
                     ("NI_Scaling_Status", Property::Text(status)) if status == "unscaled" => {
                         channel.why = Some(UNSCALED);
@@ -446,7 +494,7 @@ impl Reader {
         let (mut arrays, mut places, mut unread) = (Vec::new(), Vec::new(), Vec::new());
         let mut groups: Vec<String> = Vec::new();
         // the waveforms that have a time already, by group, length, step and start
-        let mut waves: Vec<(usize, u64, u64, u64)> = Vec::new();
+        let mut waves: Vec<(usize, u64, u64, u64, Option<i64>)> = Vec::new();
         for (path, channel) in self.channels {
             let parts = parts(&path);
             let [group, name] = &parts[..] else { continue };
@@ -486,7 +534,8 @@ impl Reader {
                     "t" | "time" | "time (s)" | "time [s]"
                 );
             if let Some(step) = channel.step.filter(|_| !is_time) {
-                let wave = (own, channel.count, step.to_bits(), channel.start.to_bits());
+                let (start, date) = (channel.start, channel.date);
+                let wave = (own, channel.count, step.to_bits(), start.to_bits(), date);
                 if !waves.contains(&wave) {
                     waves.push(wave);
                     let number = waves.iter().filter(|wave| wave.0 == own).count();
@@ -501,7 +550,7 @@ impl Reader {
                         is_clock: true,
                         ..Array::new(name, vec![channel.count])
                     });
-                    places.push(Place::Steps(channel.start, step, channel.count));
+                    places.push(Place::Steps(start, step, channel.count, date));
                 }
             }
             arrays.push(Array {
@@ -577,6 +626,7 @@ mod tests {
                 let own = match own {
                     Property::Text(text) => Property::Text(text.clone()),
                     Property::Number(x) => Property::Number(*x),
+                    Property::Time(own) => Property::Time(*own),
                     Property::Other => Property::Other,
                 };
                 ((*name).to_owned(), own)

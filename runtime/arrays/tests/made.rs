@@ -462,3 +462,33 @@ fn dates_of_numpy_are_exact_seconds_from_the_first_one_and_the_time() {
     let months = read("months.npy", &npy(&[(3, 1.0), (4, 2.0)], "<M8[M]")).unwrap();
     assert_eq!(months, [vec![named("q", &[1.0, 2.0])]]);
 }
+
+#[test]
+fn dates_of_several_files_count_from_the_same_one() {
+    let record = |name: &str, first: i64| {
+        let dates: Vec<u8> = (0..3)
+            .flat_map(|k| (first + 10 * k).to_le_bytes())
+            .collect();
+        let header = "{'descr': '<M8[ms]', 'fortran_order': False, 'shape': (3,), }\n";
+        let head = [
+            b"\x93NUMPY\x01\x00",
+            &(header.len() as u16).to_le_bytes()[..],
+        ]
+        .concat();
+        let name = format!("regen-made-{}-{name}.npy", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        std::fs::write(&path, [&head, header.as_bytes(), &dates].concat()).unwrap();
+        let table = regen_arrays::open(&path, None).unwrap().remove(0);
+        let date = table.date().unwrap();
+        let own = table.columns(&[0]).unwrap();
+        let shifted = table.counting_from(1_000_000_000).columns(&[0]).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        (date, own, shifted)
+    };
+    let (date, own, shifted) = record("first", 1000);
+    assert_eq!((date, &own), (1_000_000_000, &shifted));
+    let (date, own, shifted) = record("second", 1370);
+    assert_eq!(date, 1_370_000_000);
+    assert_eq!(own, [[0.0, 0.01, 0.02]]);
+    assert_eq!(shifted, [[0.37, 0.38, 0.39]]);
+}

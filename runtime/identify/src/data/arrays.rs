@@ -10,8 +10,18 @@ use super::problem::DataError;
 /// The tables of a file.
 ///
 /// - `time`: the column of time that the user states.
-pub(super) fn tables(path: &Path, time: Option<&str>) -> Result<Vec<Table>, DataError> {
-    regen_arrays::open(path, time).map_err(|error| failed(&error))
+/// - `dated`: the date from which dates count, ns since 1970; the first one of this file if there is none yet.
+pub(super) fn tables(
+    path: &Path,
+    time: Option<&str>,
+    dated: &mut Option<i64>,
+) -> Result<Vec<Table>, DataError> {
+    let all = regen_arrays::open(path, time).map_err(|error| failed(&error))?;
+    let counted = all.into_iter().map(|own| match own.date() {
+        Some(date) => own.counting_from(*dated.get_or_insert(date)),
+        None => own,
+    });
+    Ok(counted.collect())
 }
 
 fn failed(error: &ArrayError) -> DataError {

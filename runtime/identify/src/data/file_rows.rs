@@ -74,7 +74,7 @@ pub(super) struct Opening<'a> {
     pub(super) time: Option<&'a str>,
     /// The stamp from which the times of recordings count, ns: that of the first one.
     pub(super) start: Option<i64>,
-    /// The same of the dates in CSV and Parquet files.
+    /// The same of the dates in files of other formats.
     pub(super) dated: Option<i64>,
 }
 
@@ -229,7 +229,7 @@ impl Opening<'_> {
         }
         #[cfg(feature = "arrays")]
         if regen_arrays::is_arrays(&first) {
-            let tables = super::arrays::tables(path, self.time)?;
+            let tables = super::arrays::tables(path, self.time, &mut self.dated)?;
             let table = |own: regen_arrays::Table| Table {
                 path: path.to_path_buf(),
                 titles: own.titles().to_vec(),
