@@ -240,7 +240,7 @@ pub const READ_AS_POSES: &str = "they jump from row to row as separate poses do,
 /// let found = doubts_of_log(&log);
 /// assert!(found[0].starts_with("2 gaps or dropouts of up to 2 rows were bridged: 3 rows (3.0 %)"), "{found:?}");
 /// log.wrapped = vec![("angle".to_owned(), Wrapped { span: 360.0, jumps: 1, added: 0.0 })];
-/// assert!(doubts_of_log(&log)[0].contains("column `angle` by 360 (once)"));
+/// assert!(doubts_of_log(&log)[0].contains("column `angle` by 360.000 (once)"));
 /// ```
 pub fn doubts_of_log(report: &FileReport) -> Vec<String> {
     let mut out = Vec::new();
