@@ -216,7 +216,7 @@ pub(crate) fn bias_remedy(
     let closer = found.map_or(0, |own| {
         let pairs = file.parameters.iter().zip(&own.model.intervals.base);
         let closer = pairs.filter(|(row, interval)| {
-            // the deviations of all rows, which are more
+            // those of all rows are smaller by the root of their number
             let is_closer = |sigma: f64| part.sqrt() * sigma < row.sigma;
             row.status == Status::Biased && interval.is_some_and(|own| is_closer(own.sigma))
         });

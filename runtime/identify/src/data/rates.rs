@@ -525,6 +525,22 @@ mod tests {
     }
 
     #[test]
+    fn a_position_that_moves_farther_than_its_joint_is_wrong_and_not_its_velocity() {
+        let own = super::Pair {
+            widest: 4.0,
+            ..pair("q1")
+        };
+        let read = |slope: f64, width: f64| {
+            let found = super::scaled(slope, &own, super::VELOCITIES, width);
+            found.assignment.unwrap_or_default()
+        };
+        assert_eq!(read(0.01, 150.0), "q1=q1*0.01");
+        assert_eq!(read(0.01, 3.0), "qd_q1=vq1*100");
+        // with the factor it would still move too far
+        assert_eq!(read(0.1, 150.0), "qd_q1=vq1*10");
+    }
+
+    #[test]
     fn accelerations_that_are_commands_are_doubted_and_noisy_ones_are_not() {
         let mut random = crate::intervals::Random(5);
         let mut said = |of: &mut dyn FnMut(f64, &mut crate::intervals::Random) -> f64| {

@@ -243,7 +243,11 @@ impl Unwrapper {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write as _;
+
     use super::*;
+    use crate::data::{Checks, Logs, Policy, Settings};
+    use crate::suspect::swings_for_tests::{Written, swings};
 
     /// A motion of some swings, in rad, with noise.
     fn motion(k: usize) -> f64 {
@@ -308,5 +312,38 @@ mod tests {
         assert_eq!(found(lost_count), None);
         let noise = |k: usize| (k * 7919 % 1009) as f64;
         assert_eq!(found(noise), None);
+    }
+
+    #[test]
+    fn a_log_with_a_wrapped_position_is_read_as_the_motion_is_unless_outliers_are_kept() {
+        let model = swings(false);
+        let read = |low: f64, settings: &Settings| -> (Vec<f64>, usize) {
+            let mut text = "t,q1,q2,q3,tau_q1,tau_q2,tau_q3\n".to_owned();
+            for k in 0..2000 {
+                let q = motion(k);
+                let own = within(q, low, TAU);
+                let _ = writeln!(text, "{},{own:.7},{q:.7},{q:.7},1,2,{q}", 0.01 * k as f64);
+            }
+            let file = Written::new(&format!("wrapped{low}"), &text);
+            let logs = Logs::open(&model, std::slice::from_ref(&file.0), settings).unwrap();
+            let found = logs.in_memory(2000).unwrap().positions().unwrap();
+            (found[0].signals[0].clone(), logs.reports()[0].wrapped.len())
+        };
+        // without its jumps it keeps its place for most of the time
+        let (plain, none) = read(-3.1, &Settings::default());
+        let (found, one) = read(-1.2, &Settings::default());
+        assert_eq!((none, one), (0, 1));
+        let farthest = plain.iter().zip(&found).map(|(a, b)| (a - b).abs());
+        assert!(farthest.fold(0.0, f64::max) < 1e-6);
+        let kept = Settings {
+            checks: Checks {
+                outliers: Some(Policy::Keep),
+                ..Checks::default()
+            },
+            ..Settings::default()
+        };
+        let (raw, none) = read(-1.2, &kept);
+        assert_eq!(none, 0);
+        assert!(raw.iter().any(|q| *q > 4.0));
     }
 }

@@ -287,11 +287,8 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         }
         _ => Vec::new(),
     };
-    // where most inertias are negative, and none is positive that is known and matters
     let are_all_light = all.is_some_and(|own| {
-        let turned: Vec<f64> = own.values.iter().map(|value| -value).collect();
-        let is_most = !light.is_empty() && 2 * light.len() >= info.dof();
-        is_most && negative_inertias(model, sample, &turned, &own.covariance).is_empty()
+        are_of_flipped_signs(model, sample, (&own.values, &own.covariance), &light)
     });
     if are_all_light {
         let all: Vec<usize> = (0..info.actuated.len()).collect();
@@ -790,6 +787,21 @@ fn negative_inertias<M: BaseModel<f64> + ?Sized>(
     light.filter(matters).map(|own| own.0).collect()
 }
 
+/// Whether most inertias are negative, and none is positive that is known and matters: the signs of all efforts, or of
+/// all positions, make them so.
+///
+/// - `values`: the estimate, and its covariance, n x n; `light`: the coordinates whose inertias it makes negative.
+fn are_of_flipped_signs<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    (values, covariance): (&[f64], &[f64]),
+    light: &[usize],
+) -> bool {
+    let turned: Vec<f64> = values.iter().map(|value| -value).collect();
+    let are_most = !light.is_empty() && 2 * light.len() >= model.info().dof();
+    are_most && negative_inertias(model, sample, &turned, covariance).is_empty()
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::swings_for_tests::{columns, sample, swings};
@@ -833,6 +845,25 @@ mod tests {
         assert_eq!(light(-0.03), [0; 0]);
         // it may be by chance
         assert_eq!(light(-0.05), [0; 0]);
+    }
+
+    #[test]
+    fn signs_of_all_efforts_are_flipped_where_most_inertias_are_negative_and_none_is_positive() {
+        let model = swings(false);
+        let mut covariance = vec![0.0; 49];
+        covariance.iter_mut().step_by(8).for_each(|x| *x = 1e-4);
+        let flipped = |inertias: [f64; 3]| {
+            let [a, b, c] = inertias;
+            let values = [a, b, c, 0.6, 0.2, 0.1, -0.15];
+            let light = negative_inertias(&model, &sample(), &values, &covariance);
+            are_of_flipped_signs(&model, &sample(), (&values, &covariance), &light)
+        };
+        assert!(flipped([-0.5, -0.3, -0.4]));
+        // one that is unknown contradicts nothing, and one that is known does
+        assert!(flipped([-0.5, 0.001, -0.4]));
+        assert!(!flipped([-0.5, 0.3, -0.4]));
+        assert!(!flipped([0.001, -0.3, 0.001]));
+        assert!(!flipped([0.5, 0.3, 0.4]));
     }
 
     #[test]
