@@ -485,7 +485,7 @@ fn doubts(
                 what,
                 error: None,
                 changed: None,
-                changed_in_sample: None,
+                left_in_sample: None,
                 efforts: Vec::new(),
                 remedy: Remedy::Physical,
             },

@@ -8,7 +8,7 @@ mod tests;
 use regen_identify::data::{Assignment, Logs, Run, Settings, ValuesFrom};
 use regen_identify::estimate::{EffortError, Estimate};
 use regen_identify::session::{Session, errors_with_columns};
-use regen_identify::suspect::{self, LogColumns, Remedy};
+use regen_identify::suspect::{self, LogColumns, Remedy, Suspicion};
 use regen_interpreted::Interpreted;
 use regen_report::results::{self, Suspected};
 
@@ -22,9 +22,11 @@ const LOW_CUTOFF: f64 = 0.05;
 const FILTER_ORDER: usize = 4;
 /// Delays that were found explain a log of which they leave no more than this of any effort, percent.
 const MAX_LEFT_BY_DELAYS: f64 = 10.0;
+/// The factor by which a change must leave less of efforts as they are logged than another one does behind delays.
+const MIN_GAIN_OVER_DELAYS: f64 = 1.5;
 
 /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
-fn with_options(found: suspect::Suspicion) -> Suspected {
+fn with_options(found: Suspicion) -> Suspected {
     let remedy = match &found.remedy {
         Remedy::Read { advice, columns } => {
             let options: Vec<String> = columns.iter().map(option).collect();
@@ -204,28 +206,34 @@ pub(crate) fn doubts(
         let step = &mut |k, n| working.at(k, n);
         let run = runs.get(k);
         let whole = |columns: &[Assignment]| errors_with_columns(session, run?, columns).ok();
-        let mut own = suspect::suspicions(&columns, &sample, found, &whole, step);
-        if let (true, true, Some(run)) = (own.is_empty(), session.reading.are_delays_found, run) {
-            own.extend(hidden_by_delays(session, run, &columns, step));
+        let own = suspect::suspicions(&columns, &sample, found, &whole, step);
+        let mut own = gravity::with_spec(&columns, &sample, specs, own);
+        if let (true, Some(run)) = (session.reading.are_delays_found, run)
+            && least_left(&own).is_none_or(|left| left > MAX_LEFT_BY_DELAYS)
+        {
+            own = behind_delays(session, run, &columns, specs, own, step);
         }
-        let own = gravity::with_spec(&columns, &sample, specs, own);
         out.extend(own.into_iter().map(with_options));
     }
     working.end();
     out
 }
 
-/// The columns that are read in a wrong way where delays were found that leave much of an effort: they explain a part
-/// of what such columns cause, and hide these.
-fn hidden_by_delays(
+/// What is suspected, and where delays were found that leave much of an effort, the columns or the gravity that
+/// explain more with efforts as they are logged: delays explain a part of what such mistakes cause, and hide these.
+///
+/// - `found`: what is suspected of the log with its delays.
+fn behind_delays(
     session: &Session<'_, Interpreted<'_>>,
     run: &Run,
     columns: &LogColumns<'_, Interpreted<'_>>,
+    specs: &OtherSpecs<'_>,
+    found: Vec<Suspicion>,
     step: &mut dyn FnMut(usize, usize),
-) -> Vec<suspect::Suspicion> {
+) -> Vec<Suspicion> {
     let late = errors_with_columns(session, run, &[]).unwrap_or_default();
     if late.iter().all(|own| own.1 < MAX_LEFT_BY_DELAYS) {
-        return Vec::new();
+        return found;
     }
     let on_time = Session {
         reading: Settings {
@@ -237,16 +245,29 @@ fn hidden_by_delays(
     };
     let opened = on_time.open(std::slice::from_ref(run));
     let Some(sample) = opened.ok().and_then(|own| own.logs().sample(0).ok()) else {
-        return Vec::new();
+        return found;
     };
     // a change must explain more than the delays do
     let whole = |columns: &[Assignment]| match columns {
         [] => Some(late.clone()),
         _ => errors_with_columns(&on_time, run, columns).ok(),
     };
-    let mut out = suspect::suspicions(columns, &sample, None, &whole, step);
-    out.retain(|own| own.remedy.gives_columns() && own.changed.is_some());
+    let mut more = suspect::suspicions(columns, &sample, None, &whole, step);
+    more.retain(|own| own.remedy.gives_columns() && own.changed.is_some());
+    let mut out = gravity::with_spec(columns, &sample, specs, more);
+    let explains_more =
+        |left: f64| least_left(&out).is_some_and(|own| MIN_GAIN_OVER_DELAYS * own < left);
+    if least_left(&found).is_some_and(|left| !explains_more(left)) {
+        return found;
+    }
+    out.extend(found.into_iter().filter(|own| own.left_in_sample.is_none()));
     out
+}
+
+/// What the change that explains most leaves of the efforts, percent; `None` if no change is suspected.
+fn least_left(found: &[Suspicion]) -> Option<f64> {
+    let left = found.iter().filter_map(|own| own.left_in_sample);
+    left.reduce(f64::min)
 }
 
 /// The errors without those of efforts that are mostly noise, which are told: of them no model explains more.

@@ -80,16 +80,16 @@ pub(super) fn with_spec(
         return found;
     };
     let of_columns = found.iter().filter_map(|f| {
-        let changed = f.changed_in_sample.or(f.changed);
+        let left = f.left_in_sample.or(f.changed);
         let Remedy::Read { columns, .. } = &f.remedy else {
-            return changed;
+            return left;
         };
         let is_number = |c: &Assignment| c.offset != 0.0 || c.quantity == Quantity::Time;
         let are_numbers = has_gravity && (columns.is_empty() || columns.iter().any(is_number));
-        changed.map(|changed| changed * if are_numbers { AS_GOOD } else { 1.0 })
+        left.map(|left| left * if are_numbers { AS_GOOD } else { 1.0 })
     });
     let least = of_columns.fold(f64::INFINITY, f64::min);
-    if other.changed.is_none_or(|changed| changed >= least) {
+    if other.left_in_sample.is_none_or(|left| left >= least) {
         return found;
     }
     // what follows from the wrong gravity is not said besides

@@ -99,15 +99,29 @@ fn one_cause(searches: &[Search]) -> Option<f64> {
     if count < 2 || 2 * count < searches.len() {
         return None;
     }
+    let mean = mean_delay(corrected());
+    let is_one = mean.is_finite() && searches.iter().all(|own| own.agrees_with(mean));
+    is_one.then_some(mean)
+}
+
+/// The mean of the delays that were corrected, weighted by their deviations, where there are two at least, all are
+/// long, and agree with it: two efforts are not as late as each other by chance.
+fn long_delay(searches: &[Search]) -> Option<f64> {
+    let corrected = || searches.iter().filter(|own| own.best != 0.0);
+    let mean = mean_delay(corrected());
+    let is_one = |own: &Search| own.best.abs() > LONG_DELAY_S && own.agrees_with(mean);
+    (corrected().count() > 1 && mean.is_finite() && corrected().all(is_one)).then_some(mean)
+}
+
+/// The mean of found delays, weighted by their deviations, s.
+fn mean_delay<'a>(searches: impl Iterator<Item = &'a Search>) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
-    for own in corrected() {
+    for own in searches {
         let weight = own.left.1.powi(-2);
         sum += weight * own.best;
         weights += weight;
     }
-    let mean = sum / weights;
-    let is_one = mean.is_finite() && searches.iter().all(|own| own.agrees_with(mean));
-    is_one.then_some(mean)
+    sum / weights
 }
 
 /// Estimates the delays of efforts in logs; returns names of efforts and delays in s. To the delays
@@ -178,8 +192,12 @@ pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
     }
     searches.iter_mut().for_each(Search::doubt);
     let found = with(&given, &searches, |own| own.best);
-    let Some(common) = one_cause(&searches).filter(|_| given.is_empty()) else {
-        return Ok(found);
+    let common = one_cause(&searches).filter(|_| given.is_empty());
+    let Some(common) = common else {
+        return match long_delay(&searches).filter(|_| given.is_empty()) {
+            Some(long) => with_others(&mut session, &options, logs, &searches, long),
+            None => Ok(found),
+        };
     };
     session.reading.delays = with(&given, &searches, |_| common);
     let residuals = round(&session, &options, logs)?;
@@ -191,6 +209,28 @@ pub fn settled_delays_within<M: BaseModel<f64> + ?Sized>(
         return Ok(found);
     }
     Ok(session.reading.delays)
+}
+
+/// The delays that were found, and the long one that they share for those of the other efforts whose residuals are far
+/// smaller with it: an effort that a delay of others spoils has another one of its own at first.
+fn with_others<M: BaseModel<f64> + ?Sized>(
+    session: &mut Session<'_, M>,
+    options: &Options,
+    logs: &[Run],
+    searches: &[Search],
+    long: f64,
+) -> Result<Vec<(String, f64)>, SessionError> {
+    let each = |own: &Search| if own.best == 0.0 { long } else { own.best };
+    session.reading.delays = with(&[], searches, each);
+    let residuals = round(session, options, logs)?;
+    let is_late = |own: &Search| {
+        let mut residuals = residuals.iter();
+        let after = residuals.find(|(_, delay)| delay.effort == own.effort);
+        own.best != 0.0 || after.is_some_and(|after| MIN_GAIN_OF_LONG * after.0 < own.first)
+    };
+    Ok(with(&[], searches, |own| {
+        if is_late(own) { each(own) } else { 0.0 }
+    }))
 }
 
 /// The largest number of rounds of correcting a delay that all efforts share.
@@ -372,6 +412,19 @@ mod tests {
         let is_found = |found: Option<f64>| found.is_some_and(|own| (own - 1e-3).abs() < 1e-9);
         assert!(is_found(with(3, 3)) && is_found(with(4, 4)));
         assert_eq!(with(3, 4), None);
+    }
+
+    #[test]
+    fn two_long_delays_that_agree_may_be_those_of_all() {
+        let of = |delays: &[f64]| {
+            let all: Vec<Search> = delays.iter().map(|own| settled(*own, 0.0, 1e-5)).collect();
+            long_delay(&all)
+        };
+        let found = of(&[0.095, 0.0, 0.097, 0.0, 0.0]).unwrap_or_default();
+        assert!((found - 0.096).abs() < 1e-9, "{found}");
+        assert_eq!(of(&[0.095, 0.0, 0.15]), None);
+        assert_eq!(of(&[0.095, 0.0, 0.0]), None);
+        assert_eq!(of(&[0.0095, 0.0097, 0.0]), None);
     }
 
     #[test]

@@ -144,6 +144,32 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     Some(change)
 }
 
+/// The exchange, the signs or the units of efforts that explain most where positions are read in another way, as
+/// either mistake may hide the other, with the number of efforts that are read so.
+pub(super) fn beside_positions<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    own: &[f64],
+) -> Option<(Vec<Reading>, usize)> {
+    let plain = Reading::plain(own.len());
+    let now = grams.fit(&plain, &[])?;
+    let found = search(model, grams, own, &now).filter(|own| own.number_count() == 0)?;
+    // any factor beside another change may be chance
+    let is_unit = |(k, read): (usize, &Reading)| {
+        let constants = own.get(k).zip(own.get(read.from));
+        let factor = (read.factor * constants.map_or(1.0, |(k, from)| from / k)).abs();
+        (factor - 1.0).abs() < 1e-9 || UNITS.contains(&factor)
+    };
+    let changed = found.efforts.iter().zip(&plain).filter(|(a, b)| a != b);
+    let count = changed.count();
+    found
+        .efforts
+        .iter()
+        .enumerate()
+        .all(is_unit)
+        .then_some((found.efforts, count))
+}
+
 /// The exchange or the signs that explain what changes of the efforts, whose weights hide it: beside a weight the
 /// errors of a gentle motion are small with any columns.
 pub(super) fn beside_weights<M: BaseModel<f64> + ?Sized>(

@@ -12,6 +12,10 @@ use regen_runtime::{BaseModel, BaseTerm, Info, Joint, Motion, Parameter, Symbol}
 const DRIVING_POWER_PART: f64 = 0.05;
 /// Positions or velocities of more than this many times their limits cannot be those of this robot.
 const MAX_LIMIT_RATIO: f64 = 5.0;
+/// Degrees, and parts of them and of rad, the usual first; millimetres, centimetres, and smaller ones.
+const DEGREE: f64 = core::f64::consts::PI / 180.0;
+const UNITS_OF_ANGLES: [f64; 5] = [DEGREE, 1e-3, 0.1 * DEGREE, 0.01 * DEGREE, 0.001 * DEGREE];
+const UNITS_OF_LENGTHS: [f64; 5] = [1e-3, 0.01, 1e-4, 1e-5, 1e-6];
 /// The part of its range by which a position may be beyond it in its right unit.
 const MAX_UNIT_MARGIN: f64 = 0.2;
 /// A value more than this many standard deviations below zero is certainly negative.
@@ -89,9 +93,9 @@ pub(super) fn units_by_limits<M: BaseModel<f64> + ?Sized>(
     let count = sample.measured.len();
     let mut out = Change::none(info.actuated.len(), count);
     let mut is_found = false;
-    for (kind, unit) in [
-        (Motion::Rotation, core::f64::consts::PI / 180.0),
-        (Motion::Translation, 1e-3),
+    for (kind, units) in [
+        (Motion::Rotation, UNITS_OF_ANGLES),
+        (Motion::Translation, UNITS_OF_LENGTHS),
     ] {
         let (mut own, mut right) = (Vec::new(), false);
         for (k, c) in sample.measured.iter().enumerate() {
@@ -107,26 +111,30 @@ pub(super) fn units_by_limits<M: BaseModel<f64> + ?Sized>(
             });
             let [least, most] = bounds;
             let margin = MAX_UNIT_MARGIN * (high - low);
-            let turned = turns_between(joint, [unit * least, unit * most]);
-            let fits = unit * least + turned > low - margin && unit * most + turned < high + margin;
-            if most - least > high - low && fits {
-                own.push(k);
-            } else {
-                right = true;
+            let fits = |unit: &&f64| {
+                let turned = turns_between(joint, [*unit * least, *unit * most]);
+                *unit * least + turned > low - margin && *unit * most + turned < high + margin
+            };
+            match units.iter().find(fits) {
+                Some(unit) if most - least > high - low => own.push((k, *unit)),
+                _ => right = true,
             }
         }
-        if own.is_empty() {
+        let Some((_, common)) = own.first().copied() else {
             continue;
-        }
+        };
         is_found = true;
+        right |= own.iter().any(|(_, unit)| *unit != common);
         for (k, reading) in out.positions.iter_mut().enumerate() {
             let of_kind = sample
                 .measured
                 .get(k)
                 .and_then(|c| info.joints.get(*c))
                 .is_some_and(|joint| joint.motion == kind);
-            if own.contains(&k) || (of_kind && !right) {
-                reading.factor = unit;
+            if let Some((_, unit)) = own.iter().find(|own| own.0 == k) {
+                reading.factor = *unit;
+            } else if of_kind && !right {
+                reading.factor = common;
             }
         }
     }

@@ -58,10 +58,10 @@ pub struct Suspicion {
     /// The same error with the change.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub changed: Option<f64>,
-    /// The same error with the change in the sample, where `changed` is that of the whole log: changes of the spec are
-    /// tried on the sample only.
+    /// What the change leaves of the efforts in the sample: the geometric mean of their errors, each 1 % at least,
+    /// percent. Changes of the spec are tried on the sample only.
     #[serde(skip)]
-    pub changed_in_sample: Option<f64>,
+    pub left_in_sample: Option<f64>,
     /// The error of each effort without and with the change.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub efforts: Vec<EffortChange>,

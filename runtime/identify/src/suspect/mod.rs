@@ -367,7 +367,7 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
                 errors,
                 ..found
             };
-            if left < DOUBTED_ERROR {
+            if left < MIN_DOUBTED_ERROR {
                 return found;
             }
             // a sign may bring a position beyond its limits as well
@@ -639,4 +639,9 @@ fn worst(errors: &[f64]) -> f64 {
 /// The product of the errors, each taken as 1 % at least: smaller ones do not matter.
 fn quality(errors: &[f64]) -> f64 {
     errors.iter().map(|e| e.max(0.01)).product()
+}
+
+/// The geometric mean of the errors, each taken as 1 % at least, percent.
+fn left_of(errors: &[f64]) -> f64 {
+    100.0 * quality(errors).powf(1.0 / errors.len().max(1) as f64)
 }

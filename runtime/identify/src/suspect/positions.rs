@@ -29,8 +29,8 @@ const MIN_STATES: usize = 40;
 const MIN_RANGE: f64 = 0.05;
 const MIN_RANGE_OF_SLIDE: f64 = 2e-3;
 
-/// Ratios of gears from which the search for single numbers does not always find the right one.
-const RATIOS: [f64; 2] = [0.5, 2.0];
+/// Ratios of gears from which the search for single numbers does not always find the right one, and turns.
+const RATIOS: [f64; 4] = [0.5, 2.0, 0.01, TAU];
 
 /// The range of a joint's motion, rad, beyond which it may be in counts, and the bits of these in one turn.
 const MAX_RANGE: f64 = 4.0 * TAU;
@@ -226,20 +226,26 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
                 continue;
             }
             // the efforts' columns may change together with the positions', or not
-            let ways = [candidate.efforts.clone(), read.clone()];
-            for efforts in &ways[..if candidate.efforts == read { 1 } else { 2 }] {
+            let mut ways = vec![(candidate.efforts.clone(), 0)];
+            if candidate.efforts != read {
+                ways.push((read.clone(), 0));
+            }
+            if read == plain {
+                ways.extend(super::efforts::beside_positions(model, &grams, own));
+            }
+            for (efforts, more) in &ways {
                 let Some(fit) = grams.fit(efforts, &[]) else {
                     continue;
                 };
                 let error = quality(&fit.errors);
                 let fits_well = fit.errors.iter().all(|e| *e < 2.0 * UNEXPLAINED_ERROR);
-                let needed =
-                    MIN_GAIN_PER_COLUMN.powi(i32::try_from(candidate.touched).unwrap_or(i32::MAX));
+                let touched = candidate.touched + more;
+                let needed = MIN_GAIN_PER_COLUMN.powi(i32::try_from(touched).unwrap_or(i32::MAX));
                 let explained = explained(model, sample, &positions, &candidate, &fit.errors);
                 if now.is_none_or(|now| now >= needed * error)
                     && (now.is_some() && explained || fits_well)
                 {
-                    let weight = (implausible_count(model, &grams, &fit), candidate.touched);
+                    let weight = (implausible_count(model, &grams, &fit), touched);
                     let candidate = Candidate {
                         efforts: efforts.clone(),
                         positions: candidate.positions.clone(),
@@ -836,8 +842,11 @@ mod tests {
             let changed = all.iter().filter(|own| own.positions[0] == plain[0]);
             let factors = changed.map(|own| own.positions[1].factor);
             let degree = core::f64::consts::PI / 180.0;
-            let is_counts =
-                |own: &f64| (0.0..0.4).contains(own) && (own / degree - 1.0).abs() > 0.1;
+            let is_counts = |own: &f64| {
+                (0.0..0.4).contains(own)
+                    && (own / degree - 1.0).abs() > 0.1
+                    && !RATIOS.contains(own)
+            };
             factors.filter(is_counts).collect()
         };
         assert_eq!(counted(1.0), [0.0; 0]);

@@ -346,6 +346,13 @@ fn the_change_that_is_found_undoes_a_mistake_in_positions() {
     let all = with(|s| (0..2).for_each(|k| scale(s, k, 180.0 / core::f64::consts::PI)));
     assert_undone("rotations in degrees", &model, &all, one, 1e-9);
     assert_undone("one in mm", &model, &with(|s| scale(s, 2, 1e3)), one, 1e-9);
+    let turns = with(|s| scale(s, 1, 1.0 / core::f64::consts::TAU));
+    assert_undone("one in turns", &model, &turns, one, 1e-9);
+    let both = with(|s| {
+        scale(s, 0, 100.0);
+        s.efforts[1] *= 1e3;
+    });
+    assert_undone("a gear and a unit", &model, &both, one, 1e-9);
     assert_undone(
         "a zero",
         &model,
@@ -728,6 +735,8 @@ fn limits_tell_the_unit_of_positions_whatever_the_efforts_are() {
     assert_eq!(factors(&sample()), None);
     let one = with(|s| scale(s, 1, degree));
     assert_eq!(factors(&one), Some(vec![1.0, 1.0 / degree, 1.0]));
+    let parts = factors(&with(|s| scale(s, 1, 1000.0 * degree))).unwrap_or_default();
+    assert!((parts[1] - 0.001 / degree).abs() < 1e-15, "{parts:?}");
     // angles from 0 to 360 degrees are those from -180 to 180
     let turned = with(|s| {
         scale(s, 1, degree);

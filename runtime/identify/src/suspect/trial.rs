@@ -4,8 +4,8 @@
 use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
 use super::{
-    EffortChange, MIN_DOUBTED_ERROR, Reading, Remedy, STATES, Sample, Suspicion, implausible_count,
-    is_less_explained, least_states, quality,
+    EffortChange, MIN_DOUBTED_ERROR, Reading, Remedy, STATES, Sample, Suspicion, UNEXPLAINED_ERROR,
+    implausible_count, is_less_explained, least_states, left_of, quality,
 };
 use regen_runtime::BaseModel;
 
@@ -153,7 +153,11 @@ impl Trial {
         } else {
             MIN_GAIN
         };
-        let worst = self.worst() < MAX_LEFT_OF_WORST * other.worst();
+        // another mistake may leave one effort unexplained that gravity does not act on
+        let is_explained =
+            |pair: (&f64, &f64)| *pair.0 > UNEXPLAINED_ERROR && *pair.1 < MIN_DOUBTED_ERROR;
+        let worst = self.worst() < MAX_LEFT_OF_WORST * other.worst()
+            || other.errors.iter().zip(&self.errors).any(is_explained);
         let harms = is_less_explained(&other.errors, &self.errors);
         (((gain >= needed && worst && !against) || (by_nominal && gain * MAX_LOSS >= 1.0))
             && !harms)
@@ -199,6 +203,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         out.efforts = efforts.collect();
         out.error = Some(before.worst());
         out.changed = Some(after.worst());
+        out.left_in_sample = Some(left_of(&after.errors));
         out
     }
 }
@@ -308,6 +313,13 @@ mod tests {
         let half = gain(&of_errors(0.1, 0.4, 0.9, 0), &before).unwrap();
         assert!((half - 4.0).abs() < 1e-9);
         assert_eq!(gain(&of_errors(0.35, 0.4, 0.9, 0), &before), None);
+        // another mistake may leave one effort as it was
+        let pair = |first: f64, second: f64| Trial {
+            errors: vec![first, second],
+            ..before.clone()
+        };
+        assert!(gain(&pair(0.98, 0.02), &pair(1.0, 0.9)).is_some());
+        assert_eq!(gain(&pair(0.98, 0.1), &pair(1.0, 0.9)), None);
         // less is enough if what was negative is not any more
         let negative = of_errors(0.4, 0.4, 0.9, 1);
         assert!(gain(&of_errors(0.28, 0.4, 0.9, 0), &negative).is_some());

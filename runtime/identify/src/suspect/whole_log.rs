@@ -271,7 +271,6 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
                 let errors = errors.iter().map(|own| own.1);
                 errors.filter(|error| error.is_finite()).reduce(f64::max)
             };
-            out.changed_in_sample = out.changed;
             (out.error, out.changed) = (worst(before), worst(&best.errors));
             let pairs = before.iter().zip(&best.errors);
             let pairs = pairs.filter(|(before, after)| (before.1 + after.1).is_finite());

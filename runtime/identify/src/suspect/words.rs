@@ -6,6 +6,7 @@ use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Sus
 use super::positions::Contradiction;
 use super::{
     Change, CutOff, Drift, Drifting, FarEffort, Nominal, Parts, Reading, Sample, Shift, Spikes,
+    left_of,
 };
 use crate::data::{Assignment, Quantity};
 use crate::text;
@@ -111,7 +112,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             what,
             error: None,
             changed: None,
-            changed_in_sample: None,
+            left_in_sample: None,
             efforts: Vec::new(),
             remedy,
         }
@@ -436,7 +437,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             what: words.join(", and "),
             error: percent(&change.before),
             changed: percent(&change.after),
-            changed_in_sample: None,
+            left_in_sample: (!change.after.is_empty()).then(|| left_of(&change.after)),
             efforts: each.collect(),
             remedy: Remedy::Read { advice, columns },
         })

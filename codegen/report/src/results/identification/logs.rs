@@ -291,7 +291,7 @@ fn wrapped(report: &FileReport) -> Option<String> {
     (!columns.is_empty()).then(|| {
         format!(
             "positions jump from one end of their range to the other, as they are wrapped: column {}: they are read \
-             without these jumps; --problems keep uses them as they are",
+             without these jumps (as they are: `keep` for --problems)",
             columns.join(", ")
         )
     })

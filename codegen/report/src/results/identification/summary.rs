@@ -314,7 +314,7 @@ mod tests {
                 what: "tau_q1 looks reversed".to_owned(),
                 error: None,
                 changed: None,
-                changed_in_sample: None,
+                left_in_sample: None,
                 efforts: Vec::new(),
                 remedy: Remedy::Series,
             },
