@@ -231,13 +231,18 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         let rivals = change.rival.as_deref().into_iter().chain(&exchanged);
         let rivals = rivals.chain(&flipped).filter_map(fitted);
         let first = fitted(change);
-        let (mut best, mut is_told_apart) = (first, true);
+        let (mut best, mut likewise) = (first, None);
         for own in rivals {
             let gain = best.as_ref().map_or(f64::INFINITY, |best| {
                 log_product(&best.errors, LEAST_ERROR) - log_product(&own.errors, LEAST_ERROR)
             });
-            let is_flipped = Some(&own.change) == flipped.as_ref();
-            is_told_apart &= !is_flipped || gain.abs() > libm::log(MIN_GAIN_OF_RIVAL);
+            if gain.abs() <= libm::log(MIN_GAIN_OF_RIVAL) {
+                likewise = match Some(&own.change) {
+                    other if other == flipped.as_ref() => Some("that of the position"),
+                    other if other == exchanged.as_ref() => Some("the positions of their joints"),
+                    _ => likewise,
+                };
+            }
             if gain > libm::log(MIN_GAIN_OF_RIVAL) {
                 best = Some(own);
             }
@@ -249,8 +254,8 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             (None, _) => return None,
         };
         let mut out = best.found;
-        if !is_told_apart {
-            out.what += ", or that of the position, which this log does not tell apart";
+        if let Some(positions) = likewise {
+            out.what += &format!(", or {positions}, which this log does not tell apart");
         }
         if let Some(before) = &before {
             let floor = if best.change.number_count() > 0 {
@@ -488,16 +493,17 @@ mod tests {
                 panic!("{found:?}")
             };
             let columns = columns.iter().take(3);
-            columns
-                .map(|own| format!("{}={}", own.quantity, own.column))
-                .collect::<Vec<_>>()
+            let columns = columns.map(|own| format!("{}={}", own.quantity, own.column));
+            let is_either = found
+                .what
+                .contains(", or the positions of their joints, which");
+            (columns.collect::<Vec<_>>().join(" "), is_either)
         };
-        assert_eq!(
-            found(20.0),
-            ["tau_q1=tau_q2", "tau_q2=tau_q3", "tau_q3=tau_q1"]
-        );
+        let efforts = "tau_q1=tau_q2 tau_q2=tau_q3 tau_q3=tau_q1".to_owned();
+        assert_eq!(found(20.0), (efforts.clone(), false));
+        assert_eq!(found(9.99), (efforts, true));
         // the first column has the second joint's label, and so the first joint's position is in the second
-        assert_eq!(found(1.0), ["q1=q3", "q2=q1", "q3=q2"]);
+        assert_eq!(found(1.0), ("q1=q3 q2=q1 q3=q2".to_owned(), false));
     }
 
     #[test]
