@@ -5,6 +5,9 @@ use super::layout::Unfit;
 
 /// The number of rows over which a velocity is integrated, so that noise of single rows averages out.
 const STRETCH_ROWS: usize = 64;
+/// A step of so many times the longest one of this stretch and the last is a gap, if the first stretch has so many rows.
+const GAP: f64 = 8.0;
+const MIN_ROWS_BEFORE_GAP: usize = 8;
 /// With fewer stretches than this, nothing is reported.
 const MIN_STRETCHES: f64 = 8.0;
 /// If a position's change and its velocity's integral have a lower correlation, the column contains
@@ -90,6 +93,8 @@ pub(super) struct Rates {
     integral: Vec<f64>,
     last: Vec<f64>,
     rows: usize,
+    /// The longest step between rows of the present stretch, and that of the last one.
+    longest: [f64; 2],
     stretches: f64,
     /// Sums of squared changes, of squared integrals, and of products of the change of position k
     /// with the integral of velocity j, at k * m + j.
@@ -118,11 +123,18 @@ impl Rates {
         for ([low, high], own) in self.ranges.iter_mut().zip(&row[1..]) {
             (*low, *high) = (low.min(*own), high.max(*own));
         }
+        let step = self.last.first().map_or(0.0, |last| row[0] - last);
+        let [own, usual] = self.longest;
+        let is_usual_known = usual > 0.0 || self.rows >= MIN_ROWS_BEFORE_GAP;
+        if is_usual_known && step > GAP * own.max(usual) {
+            self.pause();
+        }
         if self.rows == 0 {
             self.start = row.to_vec();
             self.integral = vec![0.0; m];
+            self.longest = [0.0, usual];
         } else {
-            let step = row[0] - self.last[0];
+            self.longest = [own.max(step), usual];
             for (k, sum) in self.integral.iter_mut().enumerate() {
                 *sum += 0.5 * step * (row[1 + m + k] + self.last[1 + m + k]);
                 self.step_squares[k] += (row[1 + k] - self.last[1 + k]).powi(2);
@@ -136,6 +148,7 @@ impl Rates {
             return;
         }
         self.rows = 0;
+        self.longest[1] = self.longest[0];
         self.stretches += 1.0;
         for k in 0..m {
             let moved = row[1 + k] - self.start[1 + k];
@@ -501,12 +514,17 @@ mod tests {
 
     /// What is said of velocities that are so many times the rates of two positions.
     fn said(factors: [f64; 2]) -> Option<(String, Option<String>)> {
+        said_with_gap(factors, 0, 0.0)
+    }
+
+    /// The same, where the clock jumps on by so much before a row, s.
+    fn said_with_gap(factors: [f64; 2], first: u32, gap: f64) -> Option<(String, Option<String>)> {
         let mut rates = super::Rates::default();
         for k in 0..3000 {
             let t = 0.002 * f64::from(k);
             let (a, b) = ((2.0 * t).sin_cos(), (3.1 * t).sin_cos());
             let row = [
-                t,
+                if k < first { t } else { t + gap },
                 a.0,
                 0.4 * b.0,
                 factors[0] * 2.0 * a.1,
@@ -522,6 +540,14 @@ mod tests {
             super::Strictness::Refused,
         );
         found.map(|own| (own.why, own.assignment))
+    }
+
+    #[test]
+    fn a_gap_in_the_times_says_nothing_of_velocities() {
+        for (row, gap) in [(1500, 0.5), (1500, 3.0), (20, 60.0)] {
+            assert_eq!(said_with_gap([1.0, 1.0], row, gap), None);
+            assert!(said_with_gap([1.0, -1.0], row, gap).is_some());
+        }
     }
 
     #[test]

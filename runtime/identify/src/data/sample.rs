@@ -9,6 +9,7 @@ use super::reader::LogRow;
 use super::shift;
 use super::standstill::{Encoder, resting};
 use super::stretch::Stretch;
+use crate::data::Decision;
 use crate::signals::{Derivatives, Method};
 use regen_runtime::Model;
 
@@ -52,7 +53,7 @@ pub struct Sample {
     /// about its mean; empty where no series was fitted.
     pub series_residuals: Vec<f64>,
     /// For each measured coordinate, the rms of the residuals of its Fourier series over the
-    /// standard deviation of its noise; empty where no series was fitted.
+    /// standard deviation of its noise; empty where no series was fitted, or where it was chosen from the logs.
     pub series_over_noise: Vec<f64>,
     /// The efforts that jump in some rows and are back in the next ones.
     pub spikes: Vec<Spikes>,
@@ -228,8 +229,11 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         }
         if log.series.is_some() {
             out.series_residuals = spread.relative_residuals();
-            let noise = log.encoders.iter().map(|encoder| encoder.noise);
-            out.series_over_noise = spread.residuals_over(noise);
+            // the choice has compared its own series with filters
+            if self.settings.method_by != Decision::Chosen {
+                let noise = log.encoders.iter().map(|encoder| encoder.noise);
+                out.series_over_noise = spread.residuals_over(noise);
+            }
         }
         Ok(out)
     }
