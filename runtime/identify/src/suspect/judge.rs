@@ -328,7 +328,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
             .filter(|_| sample.spikes.is_empty()),
     );
     out.extend(columns.spikes(&sample.spikes));
-    out.extend(held(columns, sample));
+    out.extend(held_columns(columns, sample));
     out.extend(coarse(columns, sample));
     if let Some((what, remedy)) = &sample.doubted_rate {
         let assignments: Result<Vec<Assignment>, _> = remedy.lines().map(str::parse).collect();
@@ -375,17 +375,33 @@ pub fn contradiction<M: BaseModel<f64> + ?Sized>(
 }
 
 /// The columns that have a new value only every few rows.
-fn held<M: BaseModel<f64> + ?Sized>(
+fn held_columns<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     sample: &Sample,
 ) -> Option<Suspicion> {
-    let one = |(title, rows): &(String, usize)| {
-        format!("column `{title}` has a new value only every {rows} rows")
+    let mut every: Vec<usize> = sample.held.iter().map(|own| own.1).collect();
+    every.sort_unstable();
+    every.dedup();
+    let one = |rows: &usize| {
+        let titles = sample.held.iter().filter(|own| own.1 == *rows);
+        let titles: Vec<String> = titles.map(|(title, _)| format!("`{title}`")).collect();
+        match &titles[..] {
+            [only] => format!("column {only} has a new value only every {rows} rows"),
+            all => format!(
+                "columns {} have a new value only every {rows} rows",
+                all.join(", ")
+            ),
+        }
     };
-    let words: Vec<String> = sample.held.iter().map(one).collect();
+    let words: Vec<String> = every.iter().map(one).collect();
+    let are_all =
+        every.len() == 1 && sample.held.len() > 1 && sample.held.len() >= sample.measured.len();
     (!words.is_empty()).then(|| {
-        let advice = "Its values are up to as many rows old, as those of a slower sensor or topic: log it \
-                      with the others";
+        let advice = if are_all {
+            "Its rows are those of a slower clock, each of them several times: log each once, with its own time"
+        } else {
+            "Its values are up to as many rows old, as those of a slower sensor or topic: log it with the others"
+        };
         columns.suspicion(
             words.join(", and "),
             Remedy::Read {
@@ -804,8 +820,42 @@ fn are_of_flipped_signs<M: BaseModel<f64> + ?Sized>(
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use super::super::swings_for_tests::{columns, sample, swings};
     use super::*;
+
+    #[test]
+    fn columns_that_are_held_for_as_many_rows_are_told_together() {
+        let model = swings(true);
+        let said = |held: &[(&str, usize)]| {
+            let own = Sample {
+                held: held
+                    .iter()
+                    .map(|(title, rows)| ((*title).to_owned(), *rows))
+                    .collect(),
+                ..sample()
+            };
+            let found = held_columns(&columns(&model), &own).unwrap();
+            let Remedy::Read { advice, .. } = found.remedy else {
+                panic!("no advice")
+            };
+            (found.what, advice[0].contains("slower clock"))
+        };
+        assert_eq!(
+            said(&[("a", 3)]),
+            (
+                "column `a` has a new value only every 3 rows".to_owned(),
+                false
+            )
+        );
+        let two = "columns `a`, `c` have a new value only every 2 rows, and column `b` has a new value only every 3 rows";
+        assert_eq!(
+            said(&[("a", 2), ("b", 3), ("c", 2)]),
+            (two.to_owned(), false)
+        );
+        assert!(said(&[("a", 2), ("b", 2), ("c", 2)]).1);
+    }
 
     #[test]
     fn one_remedy_is_told_once() {
