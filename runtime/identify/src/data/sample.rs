@@ -6,10 +6,10 @@ use super::logs::{Log, Logs, delays, motion_noise, reach, sign_thresholds};
 use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
+use super::settings::Decision;
 use super::shift;
 use super::standstill::{Encoder, resting};
 use super::stretch::Stretch;
-use crate::data::Decision;
 use crate::signals::{Derivatives, Method};
 use regen_runtime::Model;
 
@@ -45,6 +45,9 @@ pub struct Sample {
     pub doubted_rate: Option<(String, String)>,
     /// The titles of columns that have a new value only every so many rows.
     pub held: Vec<(String, usize)>,
+    /// Whether all columns but the time have new values only every so many rows, and as many: each row is there several
+    /// times.
+    pub are_rows_repeated: bool,
     /// The usual step between rows of the log, s.
     pub step: f64,
     /// The number of states of a whole pass over the log.
@@ -168,6 +171,10 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 })
                 .map(|(entry, rows)| (log.file.layout.title(entry), *rows))
                 .collect(),
+            are_rows_repeated: match log.survey.held.get(1..) {
+                Some([first, rest @ ..]) => *first > 1 && rest.iter().all(|own| own == first),
+                _ => false,
+            },
             wrapped: (log.survey.wrapped.iter())
                 .filter(|(_, own)| !own.is_turn())
                 .map(|(entry, own)| (entry - log.file.layout.positions().start, own.span))

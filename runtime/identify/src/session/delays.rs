@@ -130,7 +130,7 @@ fn mean_delay<'a>(searches: impl Iterator<Item = &'a Search>) -> f64 {
 /// is of first order, it is repeated with corrected efforts until none is left. Corrections that leave
 /// the residuals of an effort larger than without any are taken back by half until they do not: of
 /// efforts that the model hardly explains, first order overshoots. A correction by more than 20 ms that
-/// does not halve the residuals of its effort is left out.
+/// does not halve the residuals of its effort is left out; where two such delays agree, theirs is tried for the others.
 ///
 /// # Errors
 /// [`SessionError::DelaysFromEnergyBalance`] for energy balances; when a log cannot be read.

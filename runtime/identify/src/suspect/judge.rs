@@ -394,10 +394,8 @@ fn held_columns<M: BaseModel<f64> + ?Sized>(
         }
     };
     let words: Vec<String> = every.iter().map(one).collect();
-    let are_all =
-        every.len() == 1 && sample.held.len() > 1 && sample.held.len() >= sample.measured.len();
     (!words.is_empty()).then(|| {
-        let advice = if are_all {
+        let advice = if sample.are_rows_repeated {
             "Its rows are those of a slower clock, each of them several times: log each once, with its own time"
         } else {
             "Its values are up to as many rows old, as those of a slower sensor or topic: log it with the others"
@@ -828,8 +826,9 @@ mod tests {
     #[test]
     fn columns_that_are_held_for_as_many_rows_are_told_together() {
         let model = swings(true);
-        let said = |held: &[(&str, usize)]| {
+        let said = |held: &[(&str, usize)], are_rows_repeated: bool| {
             let own = Sample {
+                are_rows_repeated,
                 held: held
                     .iter()
                     .map(|(title, rows)| ((*title).to_owned(), *rows))
@@ -843,7 +842,7 @@ mod tests {
             (found.what, advice[0].contains("slower clock"))
         };
         assert_eq!(
-            said(&[("a", 3)]),
+            said(&[("a", 3)], false),
             (
                 "column `a` has a new value only every 3 rows".to_owned(),
                 false
@@ -851,10 +850,10 @@ mod tests {
         );
         let two = "columns `a`, `c` have a new value only every 2 rows, and column `b` has a new value only every 3 rows";
         assert_eq!(
-            said(&[("a", 2), ("b", 3), ("c", 2)]),
+            said(&[("a", 2), ("b", 3), ("c", 2)], false),
             (two.to_owned(), false)
         );
-        assert!(said(&[("a", 2), ("b", 2), ("c", 2)]).1);
+        assert!(said(&[("a", 2), ("b", 2), ("c", 2)], true).1);
     }
 
     #[test]

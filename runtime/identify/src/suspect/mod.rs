@@ -643,5 +643,5 @@ fn quality(errors: &[f64]) -> f64 {
 
 /// The geometric mean of the errors, each taken as 1 % at least, percent.
 fn left_of(errors: &[f64]) -> f64 {
-    100.0 * quality(errors).powf(1.0 / errors.len().max(1) as f64)
+    100.0 * libm::pow(quality(errors), 1.0 / errors.len().max(1) as f64)
 }
