@@ -124,7 +124,9 @@ pub(super) fn units_by_limits<M: BaseModel<f64> + ?Sized>(
             continue;
         };
         is_found = true;
-        right |= own.iter().any(|(_, unit)| *unit != common);
+        right |= own
+            .iter()
+            .any(|(_, unit)| unit.to_bits() != common.to_bits());
         for (k, reading) in out.positions.iter_mut().enumerate() {
             let of_kind = sample
                 .measured

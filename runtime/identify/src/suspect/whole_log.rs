@@ -255,7 +255,10 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         };
         let mut out = best.found;
         if let Some(positions) = likewise {
-            out.what += &format!(", or {positions}, which this log does not tell apart");
+            out.what = format!(
+                "{}, or {positions}, which this log does not tell apart",
+                out.what
+            );
         }
         if let Some(before) = &before {
             let floor = if best.change.number_count() > 0 {
