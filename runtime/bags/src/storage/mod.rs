@@ -132,13 +132,14 @@ impl Messages {
         topic: Option<&str>,
         any: Option<&str>,
     ) -> Result<Self, BagError> {
+        let (parts, beside) = folder::parts(path)?;
         Ok(Self {
-            parts: folder::parts(path)?.into_iter(),
+            parts: parts.into_iter(),
             topic: topic.map(str::to_owned),
             any: any.map(str::to_owned),
             current: None,
             file: path.to_path_buf(),
-            beside: BTreeSet::new(),
+            beside,
         })
     }
 
