@@ -19,6 +19,7 @@ pub(crate) fn notes(log: &RawLog, found: &LogFacts) -> Vec<String> {
             listed(&clocks)
         ));
     }
+    out.extend(log.later());
     // the names of each reason
     let left = log.left_out();
     let mut reasons: Vec<&str> = Vec::new();
