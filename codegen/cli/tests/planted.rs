@@ -756,6 +756,12 @@ fn recordings() -> Vec<Plant> {
         ),
         (
             "MCAP",
+            "12.mcap",
+            with(topic("/oddity", "odd/msg/Thing", "", Vec::new())),
+            "no column: `/oddity (odd/msg/Thing, 0 messages)` (another topic is read",
+        ),
+        (
+            "MCAP",
             "2.mcap",
             with(topic("/oddity", "odd/msg/Thing", "", word)),
             "no column: `/oddity (odd/msg/Thing, 1 message)` (another topic is read",

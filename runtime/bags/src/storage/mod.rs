@@ -146,7 +146,7 @@ impl Messages {
     /// The next message; `None` after the last one.
     ///
     /// - `begun`: called for each topic of a database when the database is opened, with its number
-    ///   of messages. It is not called for MCAP files, whose messages the caller counts.
+    ///   of messages, and for each topic of an MCAP file when it ends, with 0, since the caller counts its messages.
     pub(crate) fn next(
         &mut self,
         begun: &mut dyn FnMut(&Channel, u64),
@@ -162,6 +162,8 @@ impl Messages {
             }
             if let Some(Storage::Mcap(messages)) = &mut self.current {
                 self.beside.append(&mut messages.beside);
+                // those without a message too
+                messages.channels().for_each(|channel| begun(channel, 0));
             }
             let Some(part) = self.parts.next() else {
                 return Ok(None);
