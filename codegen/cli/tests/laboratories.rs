@@ -189,7 +189,17 @@ fn recordings_are_joined_by_the_dates_at_which_they_began() {
             [shift > 0.0; 2],
             "{said}"
         );
-    }
+    } // what is too short for a look at its columns says why
+    file("first.mf4", second, "q1");
+    file("second.mf4", second + second / 2, "tau_q1");
+    fs::write(
+        dir.join("runs.yaml"),
+        "runs:\n- {files: [first.mf4, second.mf4]}\n",
+    )
+    .unwrap();
+    let told = regen(&dir, &["inspect", "runs.yaml"]).ended(3).err;
+    let words = ["of its rows can be read", "second.mf4 began 0.5000 s after"];
+    assert_eq!(words.map(|own| told.contains(own)), [true; 2], "{told}");
 }
 
 #[test]
