@@ -11,7 +11,7 @@ use regen_identify::signals::{Method, SignalError};
 use regen_identify::states::Standstill;
 use regen_identify::text::figure_of;
 use regen_report::results::{
-    LOCK_JOINTS, LogFile, Observed, READ_AS_POSES, doubts_of_log, observed_text,
+    LOCK_JOINTS, LogFile, Observed, READ_AS_POSES, doubts_of_log, notes_of_logs, observed_text,
 };
 
 use crate::args::{
@@ -260,8 +260,21 @@ fn said_of_stretches(report: &FileReport) -> Option<String> {
     })
 }
 
-/// Prints which rows of the logs were left out, or used although they are doubtful.
+/// Prints which rows of the logs were left out, or used although they are doubtful, and what else is to know of their files.
 pub(crate) fn note_problems(reports: &[FileReport]) {
+    note_doubts(reports);
+    note_files(reports);
+}
+
+/// Prints how the files of logs are joined, and which columns are not used.
+pub(crate) fn note_files(reports: &[FileReport]) {
+    for text in notes_of_logs(reports) {
+        terminal::note(&format!("note: {text}"));
+    }
+}
+
+/// Prints which rows of the logs were left out, or used although they are doubtful.
+pub(crate) fn note_doubts(reports: &[FileReport]) {
     for report in reports {
         for text in doubts_of_log(report) {
             terminal::note(&format!("warning: {}: {text}", report.file));

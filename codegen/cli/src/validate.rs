@@ -35,7 +35,17 @@ struct ValidateJson {
     /// The delays of efforts that were found and corrected, s.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     corrected_delays: Vec<(String, f64)>,
+    /// The logs with columns that are not used, and their titles.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    unused: Vec<Unused>,
     models: Vec<Predicted>,
+}
+
+/// The titles of columns of a log that are not used.
+#[derive(Serialize)]
+struct Unused {
+    file: String,
+    columns: Vec<String>,
 }
 
 /// Says which of the logs the parameters were identified from, as far as names tell.
@@ -112,6 +122,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     // the efforts of currents with found gains, and those of payloads, are compared with no nominal bodies
     let has_gains = models.iter().any(|(found, _)| !found.gains.is_empty());
     let is_plain = !has_gains && robot.payloads.is_empty();
+    let mut reports = Vec::new();
     for run in &args.logs {
         let Some((first, _)) = models.first() else {
             break;
@@ -119,7 +130,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         let mut log = loads::open(&model, run, &args.reading, first)?;
         let (set, left_out) = identify::observe(&model, kind, &mut log)?;
         let mut means = set.means();
-        observe::note_problems(log.logs().reports());
+        observe::note_doubts(log.logs().reports());
+        reports.extend_from_slice(log.logs().reports());
         if observe::all_rest(&left_out) {
             terminal::note(&format!(
                 "{}: all {} samples rest, and equations at rest are left out: nothing is \
@@ -156,6 +168,11 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
             predictions.add(&model, &mut log, &all)?;
         }
     }
+    observe::note_files(&reports);
+    let unused = reports.into_iter().map(|own| Unused {
+        file: own.file,
+        columns: own.unused,
+    });
     if let (Some(out), Some(predictions)) = (&args.predict, &predictions) {
         write::atomically(out, &predictions.csv())?;
     }
@@ -165,6 +182,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         logs: args.logs.iter().map(ToString::to_string).collect(),
         filter,
         corrected_delays,
+        unused: unused.filter(|own| !own.columns.is_empty()).collect(),
         models: models.into_iter().map(|(_, predicted)| predicted).collect(),
     };
     terminal::print(&match args.format {

@@ -575,3 +575,70 @@ fn instrumental_variables_are_not_biased_by_noise_of_positions() {
     )
     .ended(2);
 }
+
+#[test]
+fn columns_of_a_log_that_are_not_used_are_named_once() {
+    let dir = scratch("identify_unused");
+    fs::write(dir.join("cart.yaml"), CART).unwrap();
+    let plain = log(&dir, 300, 1.0);
+    fs::write(dir.join("plain.csv"), &plain).unwrap();
+    let more = |line: (usize, &str)| match line {
+        (0, names) => format!("{names},index,header.stamp,cmd_x,qd_q,heat,force_z\n"),
+        (k, row) => format!("{row},{k},{k},0.1,0.2,{},0.3\n", 20 + k % 3),
+    };
+    let wide: String = plain.lines().enumerate().map(more).collect();
+    for name in ["a.csv", "b.csv"] {
+        fs::write(dir.join(name), &wide).unwrap();
+    }
+    let said = |args: &[&str]| regen(&dir, args).ended(0).err;
+    let note = "note: 2 columns of a.csv and 1 other log are not used: `heat`, `force_z`; `regen inspect` says what they \
+                look like";
+    let both = [
+        "identify",
+        "cart.yaml",
+        "a.csv",
+        "b.csv",
+        "--butterworth",
+        "4,5",
+    ];
+    let told = said(
+        &[
+            &both[..],
+            &["--velocities", "computed", "--out", "params.json"],
+        ]
+        .concat(),
+    );
+    assert_eq!(told.matches("not used").count(), 1, "{told}");
+    assert!(told.contains(note), "{told}");
+    let told = said(&["validate", "cart.yaml", "params.json", "a.csv", "b.csv"]);
+    assert!(told.contains(note), "{told}");
+    let args = [
+        "identify",
+        "cart.yaml",
+        "a.csv",
+        "--butterworth",
+        "4,5",
+        "--format",
+        "json",
+    ];
+    let found = regen(&dir, &args).ended(0).json();
+    assert_eq!(found["files"][0]["unused"], json!(["heat", "force_z"]));
+    let args = [
+        "validate",
+        "cart.yaml",
+        "params.json",
+        "a.csv",
+        "--format",
+        "json",
+    ];
+    let found = regen(&dir, &args).ended(0).json();
+    assert_eq!(
+        found["unused"][0],
+        json!({"file": "a.csv", "columns": ["heat", "force_z"]})
+    );
+    // nothing is said where there are none, or where columns are chosen
+    for more in [&["plain.csv"][..], &["a.csv", "--column", "tau_x=tau_x"]] {
+        let told = said(&[&["identify", "cart.yaml", "--butterworth", "4,5"], more].concat());
+        assert!(!told.contains("not used"), "{told}");
+    }
+}

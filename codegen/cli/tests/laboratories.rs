@@ -4,9 +4,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::common::logs::{doubles, npy, zip};
+use crate::common::logs::{doubles, mdf, npy, zip};
 use crate::common::{regen, root, scratch};
-use regen_identify::data::{Assignment, DataError, Run, Settings, Track, tracks};
+use regen_identify::data::{Assignment, DataError, RawLog, Run, Settings, Track, tracks};
 use regen_runtime::Info;
 
 fn fixture(name: &str) -> PathBuf {
@@ -132,6 +132,74 @@ fn files_whose_times_are_dates_are_joined_by_these() {
     for (q, tau) in track.positions[0].1.iter().zip(&track.efforts[0].1) {
         assert!((q - tau - 20.0).abs() < 1e-9, "{q} {tau}");
     }
+}
+
+#[test]
+fn recordings_are_joined_by_the_dates_at_which_they_began() {
+    let dir = scratch("joined_recordings");
+    let file = |name: &str, began: u64, column: &str| {
+        let rows: Vec<Vec<f64>> = (0..60_u8)
+            .map(|k| vec![f64::from(k) / 100.0, k.into()])
+            .collect();
+        let mut bytes = mdf(|all| {
+            let value = all.channel((0, column), 8, [0; 3], 0);
+            let time = all.channel((value, "t"), 0, [0; 3], 0);
+            all.group(0, "arm", time, &rows)
+        });
+        // the first number of the header, behind its links
+        bytes[64 + 24 + 48..][..8].copy_from_slice(&began.to_le_bytes());
+        fs::write(dir.join(name), bytes).unwrap();
+        dir.join(name)
+    };
+    let info = Info {
+        name: "arm",
+        coordinates: &["q1"],
+        independent: &[0],
+        actuated: &[0],
+        ..Info::EMPTY
+    };
+    let second = 1_000_000_000;
+    for (first, later, shift) in [
+        (
+            1_800_000_000 * second,
+            1_800_000_000 * second + second / 5,
+            20.0,
+        ),
+        (1_800_000_000 * second, 1_800_000_000 * second, 0.0),
+        // nobody knows when the second one began
+        (1_800_000_000 * second, 0, 0.0),
+    ] {
+        let files = vec![
+            file("first.mf4", first, "q1"),
+            file("second.mf4", later, "tau_q1"),
+        ];
+        let run = Run {
+            files,
+            ..Run::from(dir.join("first.mf4"))
+        };
+        let (found, _) = tracks(&run, &info, &Settings::default(), &[]).unwrap();
+        for (q, tau) in found[0].positions[0].1.iter().zip(&found[0].efforts[0].1) {
+            assert!((q - tau - shift).abs() < 1e-9, "{shift}: {q} {tau}");
+        }
+        let said = RawLog::open(&run, &Settings::default()).unwrap().later();
+        let said = said.unwrap_or_default();
+        let words = ["joined by their dates", "second.mf4 began 0.2000 s after"];
+        assert_eq!(
+            words.map(|own| said.contains(own)),
+            [shift > 0.0; 2],
+            "{said}"
+        );
+    } // what is too short for a look at its columns says why
+    file("first.mf4", second, "q1");
+    file("second.mf4", second + second / 2, "tau_q1");
+    fs::write(
+        dir.join("runs.yaml"),
+        "runs:\n- {files: [first.mf4, second.mf4]}\n",
+    )
+    .unwrap();
+    let told = regen(&dir, &["inspect", "runs.yaml"]).ended(3).err;
+    let words = ["of its rows can be read", "second.mf4 began 0.5000 s after"];
+    assert_eq!(words.map(|own| told.contains(own)), [true; 2], "{told}");
 }
 
 #[test]

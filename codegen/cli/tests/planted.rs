@@ -444,6 +444,12 @@ fn hdf5_files() -> Vec<Plant> {
         ),
         (
             "HDF5",
+            "8.h5",
+            with("DIMENSION_LABELS=oddity", vec![]),
+            "no column: `DIMENSION_LABELS` (an attribute of q1, not applied to numbers)",
+        ),
+        (
+            "HDF5",
             "7.h5",
             with("scale_factor=50", vec![]),
             "no column: `q1` (it has packed values, and their scale_factor is not applied",
@@ -750,6 +756,12 @@ fn recordings() -> Vec<Plant> {
         ),
         (
             "MCAP",
+            "12.mcap",
+            with(topic("/oddity", "odd/msg/Thing", "", Vec::new())),
+            "no column: `/oddity (odd/msg/Thing, 0 messages)` (another topic is read",
+        ),
+        (
+            "MCAP",
             "2.mcap",
             with(topic("/oddity", "odd/msg/Thing", "", word)),
             "no column: `/oddity (odd/msg/Thing, 1 message)` (another topic is read",
@@ -847,6 +859,18 @@ fn what_is_planted_into_a_log_is_told_by_inspect() {
     fs::write(dir.join(of_fields.1), &of_fields.2).unwrap();
     let words = ["inspect", of_fields.1, "--topic", "/state"];
     assert_told(&dir, &words, &of_fields);
+    // what the user had the recorder of ROS 2 write
+    fs::create_dir_all(dir.join("bag")).unwrap();
+    fs::copy(dir.join("8.mcap"), dir.join("bag/0.mcap")).unwrap();
+    let custom = "no column: `oddity` (it is an attachment or metadata of the file, which is not applied to numbers)";
+    for (data, expected) in [("{oddity: 50}", custom), ("[oddity]", "rows 100")] {
+        let text = format!(
+            "rosbag2_bagfile_information:\n  relative_file_paths: [0.mcap]\n  custom_data: {data}\n"
+        );
+        fs::write(dir.join("bag/metadata.yaml"), text).unwrap();
+        let of_bag = ("ROS 2 bag", "bag", Vec::new(), expected);
+        assert_told(&dir, &["inspect", "bag", "--topic", "/state"], &of_bag);
+    }
     // efforts of a joint that the robot lacks
     fs::write(dir.join("spec.yaml"), SPEC).unwrap();
     let of_arrow = (

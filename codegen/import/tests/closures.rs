@@ -294,6 +294,20 @@ fn a_robot_yaml_beside_the_file_closes_its_loops() {
     assert_has(&wrong[0].to_string(), "2 types of 1 closed loops");
     let other = with("name_mot: wheel\nclosed_loop: [[tip_b, tip_d]]\ntype: ['3d']\n").unwrap();
     assert_has(&notes(&other), "robot.yaml:1:1: no joint is called so");
+    // what cannot be read might close loops
+    for (text, message) in [
+        (
+            "closed_loop: [[tip_b, tip_d]\ntype: ['6d']\n",
+            "no YAML: line 2 column 5: ",
+        ),
+        ("closed_loop: tip_b tip_d\n", "closed_loop is no list"),
+        (
+            "# é\nclosed_loop: [[\"tip\\x5fz\", tip_d]]\ntype: ['6d']\n",
+            "no link is called 'tip_z'",
+        ),
+    ] {
+        assert_has(&with(text).unwrap_err()[0].to_string(), message);
+    }
     let wrong = with("closed_loop: [[tip_b, tip]]\ntype: ['3d']\n").unwrap_err();
     assert_has(&wrong[0].to_string(), "no link is called 'tip'");
 }

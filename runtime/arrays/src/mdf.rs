@@ -225,6 +225,8 @@ struct Channel {
     /// The bit of the record that says whether the value is none.
     invalid: Option<usize>,
     conversion: Conversion,
+    /// Whether it is the time in s since the recording began.
+    counts_seconds: bool,
 }
 
 /// The records of a group of channels.
@@ -245,6 +247,8 @@ struct Group {
 
 #[derive(Debug)]
 struct Mdf {
+    /// When the recording began, ns since 1970.
+    start: Option<i64>,
     groups: Vec<Group>,
     channels: Vec<Channel>,
 }
@@ -384,6 +388,14 @@ impl Container for Mdf {
             .chunks_exact(group.record.max(1))
             .take(group.rows as usize);
         Ok(all.map(|record| own.value(record, group.flags)).collect())
+    }
+
+    fn date(&self, _: &mut Input, place: usize) -> Read<Option<i64>> {
+        let counts = self
+            .channels
+            .get(place)
+            .is_some_and(|own| own.counts_seconds);
+        Ok(self.start.filter(|_| counts))
     }
 }
 
@@ -631,10 +643,12 @@ impl Reader<'_> {
                 .push((path, why.unwrap_or("it has no numbers").to_owned()));
             return require_few(self.unread.len());
         };
+        let is_time = matches!(kind, 2 | 3) && clock <= 1;
+        let counts_seconds = is_time && matches!(unit.trim(), "" | "s");
         self.arrays.push(Array {
             place: self.mdf.channels.len(),
             group: Some(group),
-            is_time: matches!(kind, 2 | 3) && clock <= 1,
+            is_time,
             unit,
             other_names,
             ..Array::new(path, vec![rows])
@@ -646,6 +660,7 @@ impl Reader<'_> {
             // 2: a bit says so
             invalid: (flags & 2 != 0).then_some(invalid),
             conversion,
+            counts_seconds,
         });
         require_few(self.arrays.len())
     }
@@ -668,9 +683,12 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
             version % 100
         ));
     }
+    let head = block(input, HEADER, *b"##HD")?;
+    let began = Fields::new(&head.data, false).u64()?;
     let mut reader = Reader {
         input,
         mdf: Mdf {
+            start: i64::try_from(began).ok().filter(|own| *own > 0),
             groups: Vec::new(),
             channels: Vec::new(),
         },
@@ -679,7 +697,6 @@ pub(crate) fn open(input: &mut Input, start: &[u8]) -> Read<Found> {
         remarks: Remarks::default(),
         blocks: 0,
     };
-    let head = block(reader.input, HEADER, *b"##HD")?;
     for (place, name) in [(2, "a hierarchy"), (3, "attachments"), (4, "events")] {
         if head.link(place).is_some() {
             let why = "they stand beside the channels, and are not read".to_owned();

@@ -271,7 +271,8 @@ impl Table {
         self.time
     }
 
-    /// The date from which its times count, ns since 1970: that of the first one, if the file has dates.
+    /// The date from which its times count, ns since 1970: that of the first one, if the file has dates, or that of the
+    /// recording, if the file says it.
     pub fn date(&self) -> Option<i64> {
         self.date
     }
@@ -284,11 +285,20 @@ impl Table {
         self
     }
 
+    /// How much later than the times of others, s, its own begin to count by the dates of their recordings; 0 where
+    /// the times are dates themselves.
+    pub fn later(&self) -> f64 {
+        match self.time {
+            Some(own) if self.is_clock(own) => 0.0,
+            _ => self.shift,
+        }
+    }
+
     /// Finds the date from which its times count.
     pub(crate) fn find_date(&mut self, input: &mut Input) -> Read<()> {
         let time = self.time.and_then(|own| self.columns.get(own));
         if let Some(own) = time.and_then(|own| self.arrays.get(own.array))
-            && own.is_clock
+            && (own.is_clock || own.is_time)
         {
             input.renew();
             self.date = self.container.date(input, own.place)?;

@@ -1,10 +1,12 @@
 //! Which files a recording consists of, and what they are.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::error::BagError;
 
@@ -116,15 +118,28 @@ struct Metadata {
 #[derive(Deserialize)]
 struct Information {
     relative_file_paths: Vec<String>,
+    custom_data: Option<Custom>,
 }
 
-/// The files of a recording, in their order.
-pub(crate) fn parts(path: &Path) -> Result<Vec<Part>, BagError> {
+/// What the user had the recorder write.
+#[derive(Deserialize)]
+#[serde(untagged)]
+#[allow(
+    clippy::zero_sized_map_values,
+    reason = "the values may be of any kind, and only the names are told"
+)]
+enum Custom {
+    Named(BTreeMap<String, IgnoredAny>),
+    Other(IgnoredAny),
+}
+
+/// The files of a recording, in their order, and the names of what is written beside them.
+pub(crate) fn parts(path: &Path) -> Result<(Vec<Part>, BTreeSet<String>), BagError> {
     let metadata = path.file_name().is_some_and(|name| name == METADATA);
     let path = match path.parent().filter(|_| metadata) {
         Some(folder) => folder,
         None if path.is_dir() => path,
-        None => return Ok(vec![part(path)?]),
+        None => return Ok((vec![part(path)?], BTreeSet::new())),
     };
     let refused = |why: String| BagError::NotABag {
         file: path.to_path_buf(),
@@ -149,7 +164,10 @@ pub(crate) fn parts(path: &Path) -> Result<Vec<Part>, BagError> {
         file: metadata,
         why: format!("{error}; `ros2 bag reindex` writes the metadata of a bag"),
     })?;
-    let files = found.rosbag2_bagfile_information.relative_file_paths;
+    let Information {
+        relative_file_paths: files,
+        custom_data,
+    } = found.rosbag2_bagfile_information;
     if files.is_empty() {
         return Err(refused("its metadata.yaml lists no file".to_owned()));
     }
@@ -162,5 +180,10 @@ pub(crate) fn parts(path: &Path) -> Result<Vec<Part>, BagError> {
             None => own,
         }
     };
-    files.iter().map(|name| part(&place(name))).collect()
+    let beside = match custom_data {
+        Some(Custom::Named(all)) => all.into_keys().collect(),
+        Some(Custom::Other(IgnoredAny)) | None => BTreeSet::new(),
+    };
+    let parts: Result<_, _> = files.iter().map(|name| part(&place(name))).collect();
+    Ok((parts?, beside))
 }

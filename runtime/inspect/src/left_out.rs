@@ -8,8 +8,8 @@ use crate::names::{Role, bracketed};
 /// The largest number of names in a sentence.
 const MAX_NAMES: usize = 8;
 
-/// What a log has that is in no column, the units that are not known, and the clocks by which its parts are joined.
-pub(crate) fn notes(log: &RawLog, found: &LogFacts) -> Vec<String> {
+/// The clocks and dates by which the parts of a log are joined.
+pub(crate) fn joined(log: &RawLog) -> Vec<String> {
     let mut out = Vec::new();
     let clocks = log.clocks();
     if clocks.len() > 1 {
@@ -19,6 +19,13 @@ pub(crate) fn notes(log: &RawLog, found: &LogFacts) -> Vec<String> {
             listed(&clocks)
         ));
     }
+    out.extend(log.later());
+    out
+}
+
+/// What a log has that is in no column, the units that are not known, and how its parts are joined.
+pub(crate) fn notes(log: &RawLog, found: &LogFacts) -> Vec<String> {
+    let mut out = joined(log);
     // the names of each reason
     let left = log.left_out();
     let mut reasons: Vec<&str> = Vec::new();

@@ -283,14 +283,20 @@ pub fn inspect(
     let mut surveyed = survey(&log)?;
     let least = if settings.poses { MIN_POSES } else { MIN_ROWS };
     if surveyed.rows < least {
-        let first = surveyed.problems.first();
-        let first = first.map_or_else(String::new, |p| format!("; {p}"));
+        let first = surveyed.problems.first().map(ToString::to_string);
+        // parts that are joined end where the first of them ends
+        let read = format!(
+            "{} of its rows can be read, and {least} are needed",
+            surveyed.rows
+        );
+        let why: Vec<String> = [read]
+            .into_iter()
+            .chain(left_out::joined(&log))
+            .chain(first)
+            .collect();
         return Err(DataError::ColumnLayout {
             file: log.name().to_owned(),
-            why: format!(
-                "{} of its rows can be read, and {least} are needed{first}",
-                surveyed.rows
-            ),
+            why: why.join("; "),
         });
     }
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();

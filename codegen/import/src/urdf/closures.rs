@@ -348,6 +348,19 @@ pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut
         return;
     };
     let found = serde_saphyr::from_str::<Value>(&text);
+    if let Err(why) = &found
+        && READ.iter().any(|key| text.contains(key))
+    {
+        let why = why.to_string();
+        let why = why.lines().next().unwrap_or_default();
+        let message = format!("no YAML: {}", why.trim_start_matches("error: "));
+        let file = fields.log.add(Source::new(BESIDE, text));
+        let hint = "it may close loops of the URDF file: correct it, or move it elsewhere";
+        fields
+            .log
+            .error(Place::new(file, Span::new(0, 0)), message, hint);
+        return;
+    }
     let all = found.ok().and_then(|all| all.as_object().cloned());
     let all = all.unwrap_or_default();
     if !all.keys().any(|key| READ.contains(&key.as_str())) {
@@ -358,9 +371,10 @@ pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut
     }
     let pairs = all.get("closed_loop").and_then(Value::as_array);
     let pairs = pairs.map(Vec::as_slice).unwrap_or_default();
-    let word = |key: &str| {
-        let at = text.find(key).unwrap_or(0);
-        Span::new(at, at + key.len().min(text.len()))
+    // a name may be written otherwise there, as by an escape
+    let word = |key: &str| match text.find(key) {
+        Some(at) => Span::new(at, at + key.len()),
+        None => Span::new(0, 0),
     };
     let place_of = |file: usize, key: &str| Place::new(file, word(key));
     let file = fields.log.add(Source::new(BESIDE, text.clone()));
@@ -371,6 +385,14 @@ pub(super) fn read_beside(tree: &mut Tree, fields: &mut Fields<'_>, reader: &mut
         let words = all.into_iter().flatten().filter_map(Value::as_str);
         words.map(str::to_owned).collect()
     };
+    for key in ["closed_loop", "type", "joint_name", "joint_type"] {
+        if all.get(key).is_some_and(|own| !own.is_array()) {
+            let hint = "closed_loop, type, joint_name and joint_type are lists";
+            fields
+                .log
+                .error(place_of(file, key), format!("{key} is no list"), hint);
+        }
+    }
     let kinds = strings("type");
     if kinds.len() > pairs.len() {
         let message = format!("{} types of {} closed loops", kinds.len(), pairs.len());

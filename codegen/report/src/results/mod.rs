@@ -42,8 +42,8 @@ pub use identification::{
     BiasRemedy, EffortSummary, EffortsOfLogs, Identification, Instruments, LOCK_JOINTS, LogFile,
     ModelErrors, READ_AS_POSES, ReductionStep, Rounds, Search, Simulated, Summary, Suspected,
     coarse_friction, corrected_delays_text, doubts_of_log, error_percent, filter_text,
-    identification_text, noise_alone, noisy_accelerations, reduction_steps, resting, states_delays,
-    stem, too_few, too_short, unexplained,
+    identification_text, noise_alone, noisy_accelerations, notes_of_logs, reduction_steps, resting,
+    states_delays, stem, too_few, too_short, unexplained,
 };
 pub(crate) use identification::{Field, choice_fields, delay_fields};
 pub use info::{Info, info, info_text};

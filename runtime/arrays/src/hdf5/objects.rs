@@ -280,11 +280,10 @@ impl Object {
 
 /// Whether an attribute is one that libraries write by themselves, for scales of axes and tables.
 fn is_of_writers(name: &str) -> bool {
-    const NAMES: [&str; 9] = [
+    const NAMES: [&str; 8] = [
         "CLASS",
         "NAME",
         "DIMENSION_LIST",
-        "DIMENSION_LABELS",
         "REFERENCE_LIST",
         "TITLE",
         "VERSION",

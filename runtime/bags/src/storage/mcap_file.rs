@@ -95,6 +95,11 @@ impl McapMessages {
         }
     }
 
+    /// The channels of which a record was read.
+    pub(super) fn channels(&self) -> impl Iterator<Item = &Channel> {
+        self.channels.values()
+    }
+
     /// The present message.
     pub(super) fn present(&self) -> Option<Recorded<'_>> {
         let present = self.present.as_ref()?;

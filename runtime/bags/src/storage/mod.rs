@@ -132,20 +132,21 @@ impl Messages {
         topic: Option<&str>,
         any: Option<&str>,
     ) -> Result<Self, BagError> {
+        let (parts, beside) = folder::parts(path)?;
         Ok(Self {
-            parts: folder::parts(path)?.into_iter(),
+            parts: parts.into_iter(),
             topic: topic.map(str::to_owned),
             any: any.map(str::to_owned),
             current: None,
             file: path.to_path_buf(),
-            beside: BTreeSet::new(),
+            beside,
         })
     }
 
     /// The next message; `None` after the last one.
     ///
     /// - `begun`: called for each topic of a database when the database is opened, with its number
-    ///   of messages. It is not called for MCAP files, whose messages the caller counts.
+    ///   of messages, and for each topic of an MCAP file when it ends, with 0, since the caller counts its messages.
     pub(crate) fn next(
         &mut self,
         begun: &mut dyn FnMut(&Channel, u64),
@@ -161,6 +162,8 @@ impl Messages {
             }
             if let Some(Storage::Mcap(messages)) = &mut self.current {
                 self.beside.append(&mut messages.beside);
+                // those without a message too
+                messages.channels().for_each(|channel| begun(channel, 0));
             }
             let Some(part) = self.parts.next() else {
                 return Ok(None);

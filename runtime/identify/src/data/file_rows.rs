@@ -327,6 +327,15 @@ impl Table {
         }
     }
 
+    /// How much later than that of the first file its recording began, s, by the dates that both state beside their times.
+    pub(super) fn later(&self) -> f64 {
+        match &self.kind {
+            #[cfg(feature = "arrays")]
+            Kind::Arrays(table) => table.later(),
+            _ => 0.0,
+        }
+    }
+
     /// The index of the first column of a matrix with so many columns.
     #[cfg_attr(not(feature = "arrays"), allow(unused_variables, clippy::unused_self))]
     pub(super) fn matrix(&self, names: &[&str], count: usize) -> Option<usize> {

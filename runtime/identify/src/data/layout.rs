@@ -53,6 +53,24 @@ pub(super) struct ColumnLayout {
     pub(super) unmeasured: Vec<usize>,
     /// The column of time of each file, if several files are joined by time.
     pub(super) times: Option<Vec<Channel>>,
+    /// The titles of columns that are not read though none is assigned but that of time, without those that only count
+    /// or date the rows, and without rates and commands that are not needed.
+    pub(super) unused: Vec<String>,
+}
+
+/// The words in titles of columns that count or date the rows.
+const OF_ROWS: &str = "unnamed index idx id seq sequence row rows sample samples pose poses n nr no count t time timestamp \
+                       stamp date sec nsec nanosec header frame";
+
+/// Whether a title says that a column counts or dates the rows, or says nothing.
+fn is_of_rows(title: &str) -> bool {
+    let title = title
+        .rsplit(['/', '.'])
+        .next()
+        .unwrap_or_default()
+        .to_lowercase();
+    let mut words = title.split(|c: char| !c.is_alphabetic());
+    words.all(|word| word.is_empty() || OF_ROWS.split(' ').any(|own| own == word))
 }
 
 /// The largest number of titles of a file that a message lists.
@@ -378,6 +396,41 @@ impl<'a> Finder<'a> {
         format!("there is no column `{column}` for {title}; there are: {all}")
     }
 
+    /// The columns that [`ColumnLayout::unused`] names, beside those that are read.
+    fn unused<'c>(&self, read: impl Iterator<Item = &'c Channel>, info: &Info<'_>) -> Vec<String> {
+        let mut given = self.search.assignments.iter();
+        if given.any(|own| own.quantity != Quantity::Time) {
+            return Vec::new();
+        }
+        let mut known: Vec<usize> = read.filter_map(|own| own.index).collect();
+        for name in info.coordinates {
+            for quantity in [
+                Quantity::Velocity((*name).to_owned()),
+                Quantity::Acceleration((*name).to_owned()),
+            ] {
+                let found = self.find(&quantity).ok().flatten();
+                known.extend(found.and_then(|own| own.index));
+            }
+            let command = self.place(&format!("cmd_{name}"));
+            known.extend(command.ok().flatten());
+        }
+        let is_clock = |index: usize| {
+            let mut before = 0;
+            let mut tables = self.tables.iter();
+            tables.any(|table| {
+                let start = before;
+                before += table.titles.len();
+                let own = (start..before).contains(&index).then(|| index - start);
+                own.is_some_and(|own| table.is_clock(own) || table.time() == Some(own))
+            })
+        };
+        let all = self.header.iter().enumerate();
+        let unused = all.filter(|(index, title)| {
+            !known.contains(index) && !is_of_rows(title) && !is_clock(*index)
+        });
+        unused.map(|(_, title)| title.clone()).collect()
+    }
+
     /// The column of time of one file, with its index among the columns of this file; `None` if it
     /// has none.
     fn time_in(&self, table: &Table) -> Option<Channel> {
@@ -648,8 +701,10 @@ impl ColumnLayout {
                 return Err(why.into());
             }
         }
+        let unused = finder.unused(channels.iter().chain(times.iter().flatten()), info);
         let mut all = velocities.iter().chain(&accelerations);
         Ok(Self {
+            unused,
             measured,
             channels,
             derivatives: all.all(Option::is_some),

@@ -68,6 +68,11 @@ pub struct FileReport {
     /// The time without these at both of whose ends the filters settle, s: a shorter one gives no
     /// equation.
     pub settling: f64,
+    /// What the dates of its recordings change of the times by which its files are joined, as a sentence.
+    pub later: Option<String>,
+    /// The titles of columns that are not read, where no assignment names columns but that of time; without those that
+    /// only count or date the rows.
+    pub unused: Vec<String>,
     /// The faulty rows.
     pub problems: Problems,
     /// What was done with the faulty rows.
@@ -385,6 +390,8 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 missing,
                 longest,
                 settling: settling(&file, &survey, settings),
+                later: file.later(),
+                unused: file.layout.unused.clone(),
                 problems,
                 policies,
             });

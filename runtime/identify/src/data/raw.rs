@@ -107,6 +107,7 @@ impl RawLog {
             let channels: Vec<Channel> = std::iter::once(time).chain(plain).collect();
             let count = numbers.len();
             Ok(ColumnLayout {
+                unused: Vec::new(),
                 header: finder.header,
                 measured: (0..count).collect(),
                 channels,
@@ -218,6 +219,11 @@ impl RawLog {
         let titles = times.iter().zip(&self.file.tables);
         let titles = titles.filter_map(|(time, table)| table.titles.get(time.index?));
         titles.map(String::as_str).collect()
+    }
+
+    /// What the dates of its recordings change of the times by which its files are joined, as a sentence.
+    pub fn later(&self) -> Option<String> {
+        self.file.later()
     }
 
     /// Passes each row to `each`.

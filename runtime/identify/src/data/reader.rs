@@ -13,6 +13,7 @@ use super::run::Run;
 use super::settings::Settings;
 use super::survey::Survey;
 use super::wrapped::Wrapped;
+use crate::text::figure_of;
 use regen_runtime::Info;
 
 /// A row in SI, in the order of [`ColumnLayout::channels`].
@@ -122,6 +123,27 @@ pub(super) struct LogFile {
 }
 
 impl LogFile {
+    /// What the dates of its recordings change of the times by which its files are joined.
+    pub(super) fn later(&self) -> Option<String> {
+        self.layout.times.as_ref()?;
+        let first = self.tables.first()?.path.display();
+        let mut all = Vec::new();
+        for own in self.tables.iter().filter(|own| own.later().abs() > 0.0) {
+            let (path, by) = (own.path.display(), own.later());
+            let when = if by > 0.0 { "after" } else { "before" };
+            let text = format!("{path} began {} s {when} {first}", figure_of(4, by.abs()));
+            if !all.contains(&text) {
+                all.push(text);
+            }
+        }
+        (!all.is_empty()).then(|| {
+            let all = all.join(", ");
+            format!(
+                "recordings are joined by their dates: {all}; if these are dates of saving, save them with the same one"
+            )
+        })
+    }
+
     /// Opens a run whose columns are those of states of motion.
     pub(super) fn open(run: &Run, info: &Info<'_>, settings: &Settings) -> Result<Self, DataError> {
         Self::with(run, settings, |tables, search| {
@@ -192,7 +214,9 @@ impl LogFile {
         let mut found = layout(&tables, search).map_err(|unfit| unfit.of(&name))?;
         if let Some(used) = used_tables(&tables, &found, search.assignments) {
             tables = used;
+            let unused = core::mem::take(&mut found.unused);
             found = layout(&tables, search).map_err(|unfit| unfit.of(&name))?;
+            found.unused = unused;
         }
         if let [table] = &mut tables[..] {
             table.part = run.rows;

@@ -226,6 +226,7 @@ fn layout(
         efforts: places.efforts.len(),
         unmeasured: Vec::new(),
         times,
+        unused: Vec::new(),
         header: finder.header,
     };
     Ok((layout, places))

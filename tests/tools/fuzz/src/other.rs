@@ -9,7 +9,8 @@ use regen_runtime::Info;
 
 use crate::description::check_report;
 
-/// Checks that a URDF or MJCF file becomes a description that can be read, or is refused.
+/// Checks that a URDF, SDF, MJCF or USD file becomes a description that can be read, or is refused; what follows a form
+/// feed is the `robot.yaml` beside it.
 ///
 /// # Panics
 /// When the importer panics, or its description cannot be read.
@@ -17,14 +18,18 @@ pub fn import(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
     };
+    let (text, beside) = text.split_once('\u{c}').unwrap_or((text, ""));
     let source = Source::new("input.xml", text);
-    let mut nothing = |_: &str| Err("there is none".to_owned());
+    let mut reader = |name: &str| match name {
+        "robot.yaml" if !beside.is_empty() => Ok(beside.as_bytes().to_vec()),
+        _ => Err("there is none".to_owned()),
+    };
     for exact in [false, true] {
         let options = Options {
             exact,
             ..Options::default()
         };
-        match of(&source, &mut nothing, &options) {
+        match of(&source, &mut reader, &options) {
             Ok(imported) => {
                 let spec = Source::new("import.yaml", imported.spec.as_str());
                 assert!(parse(&spec).is_ok(), "{}", imported.spec);

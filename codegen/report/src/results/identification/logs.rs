@@ -21,6 +21,9 @@ pub struct LogFile {
     dropped: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     gaps: Option<Gaps>,
+    /// The titles of columns that are not read, where no option or file names columns.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    unused: Vec<String>,
 }
 
 /// The gaps and dropouts of a log: how many were bridged, with how many rows, and how many divide the
@@ -67,6 +70,7 @@ impl LogFile {
                 .map(|(_, count)| count)
                 .sum(),
             gaps: Gaps::of(report),
+            unused: report.unused.clone(),
         }
     }
 }
@@ -273,6 +277,63 @@ pub fn doubts_of_log(report: &FileReport) -> Vec<String> {
     for policy in [Policy::Fail, Policy::Drop, Policy::Tell, Policy::Keep] {
         let problems = report.problems.treated(&report.policies, policy);
         out.extend(treated(&problems, policy));
+    }
+    out
+}
+
+/// The most columns that are named.
+const SHOWN_COLUMNS: usize = 8;
+
+/// Sentences about how the files of logs are joined, and about columns that are not used, one for all logs with the same
+/// ones.
+///
+/// ```
+/// use regen_identify::data::FileReport;
+/// use regen_report::results::notes_of_logs;
+///
+/// let one = |file: &str, unused: &[&str]| FileReport {
+///     file: file.to_owned(),
+///     unused: unused.iter().map(|own| (*own).to_owned()).collect(),
+///     ..FileReport::default()
+/// };
+/// let found = notes_of_logs(&[one("a.csv", &["current1", "heat"]), one("b.csv", &[]), one("c.csv", &["current1", "heat"])]);
+/// let text = "2 columns of a.csv and 1 other log are not used: `current1`, `heat`; `regen inspect` says what they look like";
+/// assert_eq!(found, [text]);
+/// let found = notes_of_logs(&[one("a.csv", &["a", "b", "c", "d", "e", "f", "g", "h", "i", "j"])]);
+/// assert!(found[0].contains("`h` and 2 others;"));
+/// ```
+pub fn notes_of_logs(reports: &[FileReport]) -> Vec<String> {
+    let later = reports.iter().filter_map(|own| own.later.clone());
+    let mut out: Vec<String> = later.collect();
+    for (k, report) in reports.iter().enumerate() {
+        let same = |own: &&FileReport| own.unused == report.unused;
+        if report.unused.is_empty() || reports.iter().take(k).any(|own| same(&own)) {
+            continue;
+        }
+        let logs = match reports.iter().skip(k + 1).filter(same).count() {
+            0 => report.file.clone(),
+            others => format!(
+                "{} and {}",
+                report.file,
+                counted(others, "other log", "other logs")
+            ),
+        };
+        let names = report.unused.iter().take(SHOWN_COLUMNS);
+        let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+        let more = match report.unused.len().saturating_sub(SHOWN_COLUMNS) {
+            0 => String::new(),
+            more => format!(" and {}", counted(more, "other", "others")),
+        };
+        let verb = if report.unused.len() == 1 {
+            "is"
+        } else {
+            "are"
+        };
+        out.push(format!(
+            "{} of {logs} {verb} not used: {}{more}; `regen inspect` says what they look like",
+            counted(report.unused.len(), "column", "columns"),
+            names.join(", ")
+        ));
     }
     out
 }

@@ -14,7 +14,9 @@ pub(crate) use delays::delay_fields;
 pub use delays::{corrected_delays_text, states_delays};
 pub use instruments::Instruments;
 pub(crate) use logs::{Field, choice_fields, fields};
-pub use logs::{LOCK_JOINTS, LogFile, READ_AS_POSES, doubts_of_log, filter_text, resting};
+pub use logs::{
+    LOCK_JOINTS, LogFile, READ_AS_POSES, doubts_of_log, filter_text, notes_of_logs, resting,
+};
 pub use models::{error_percent, stem};
 pub use simulated::{EffortsOfLogs, Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};
