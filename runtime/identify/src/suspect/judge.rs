@@ -58,8 +58,8 @@ pub struct Suspicion {
     /// The same error with the change.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub changed: Option<f64>,
-    /// What the change leaves of the efforts in the sample: the geometric mean of their errors, each 1 % at least,
-    /// percent. Changes of the spec are tried on the sample only.
+    /// What the change leaves of the efforts in the sample: the geometric mean of their errors, percent. Changes
+    /// of the spec are tried on the sample only.
     #[serde(skip)]
     pub left_in_sample: Option<f64>,
     /// The error of each effort without and with the change.

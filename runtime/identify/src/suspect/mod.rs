@@ -641,7 +641,11 @@ fn quality(errors: &[f64]) -> f64 {
     errors.iter().map(|e| e.max(0.01)).product()
 }
 
-/// The geometric mean of the errors, each taken as 1 % at least, percent.
+/// The smallest error that is compared where changes of the spec and of columns both explain a log.
+const LEAST_COMPARED: f64 = 1e-4;
+
+/// The geometric mean of the errors, percent.
 fn left_of(errors: &[f64]) -> f64 {
-    100.0 * libm::pow(quality(errors), 1.0 / errors.len().max(1) as f64)
+    let logs = errors.iter().map(|own| libm::log(own.max(LEAST_COMPARED)));
+    100.0 * libm::exp(logs.sum::<f64>() / errors.len().max(1) as f64)
 }
