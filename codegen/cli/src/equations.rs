@@ -22,6 +22,11 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
             args.file.display()
         )));
     }
+    if has_loops && args.of.is_none() && args.parameters.is_some() {
+        let text = "--parameters has no effect here: without --of, the equations of a robot with loops are \
+                    those of closure, which have no dynamic parameters";
+        return Err(Failure::Usage(text.to_owned()));
+    }
     let of = match args.of.unwrap_or(default) {
         OfArg::Closure => EquationSet::Closure,
         OfArg::Jacobian => EquationSet::Jacobian,
@@ -34,8 +39,8 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
         OfArg::Frames => EquationSet::Frames,
     };
     let parameters = match args.parameters {
-        ParametersArg::All => Parameters::All,
-        ParametersArg::Base => Parameters::Base,
+        None | Some(ParametersArg::All) => Parameters::All,
+        Some(ParametersArg::Base) => Parameters::Base,
     };
     let style = match args.format {
         StyleArg::Text => Style::Text,

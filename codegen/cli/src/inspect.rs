@@ -9,6 +9,7 @@ use regen_identify::data::{Assignment, Checks, DataError, Policy, Run, Settings}
 use regen_identify::experiment_file::ExperimentFile;
 use regen_identify::session::chosen as filter_of;
 use regen_identify::signals::Method;
+use regen_identify::suspect::Remedy;
 use regen_inspect::{
     ClockSource, LogFacts, Prediction, VERSION, completed, delays_by_model, inspect, predict,
     proposal,
@@ -79,7 +80,19 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let mut filter = None;
     let (prediction, doubts, unpredicted) = match (&model, &robot) {
         (Some(model), Some(robot)) => {
-            match predicted(model, robot, &args, &chosen, (&mut logs, &mut filter))? {
+            let as_found = logs.clone();
+            let mut out = predicted(model, robot, &args, &chosen, (&mut logs, &mut filter))?;
+            // what is proposed and predicted of angles in degrees holds if they are read so
+            let doubts = out.as_ref().ok().map(|(_, doubts)| doubts);
+            let turned = doubts.and_then(|doubts| with_degrees(&as_found, doubts));
+            if let (Some((read, note)), None) = (turned, &args.reading.experiment) {
+                (logs, filter) = (read, None);
+                out = predicted(model, robot, &args, &chosen, (&mut logs, &mut filter))?;
+                if let Ok((found, _)) = &mut out {
+                    found.notes.push(note);
+                }
+            }
+            match out {
                 Ok((found, doubts)) => (Some(found), doubts, None),
                 Err(why) => (None, Vec::new(), Some(why)),
             }
@@ -172,6 +185,37 @@ fn stated(
     Ok(Some(format!(
         "# {name} with what its logs propose: check it before it is used{place}.\n{text}"
     )))
+}
+
+/// The logs with the unit of the columns that look in degrees, and a sentence that names these; `None` if there
+/// are none.
+fn with_degrees(logs: &[LogFacts], doubts: &[Suspected]) -> Option<(Vec<LogFacts>, String)> {
+    let mut logs = logs.to_vec();
+    let mut names: Vec<String> = Vec::new();
+    for doubt in doubts {
+        let Remedy::Read { columns, .. } = &doubt.found.remedy else {
+            continue;
+        };
+        let turned = columns.iter().filter(|to| {
+            let degrees = to.factor.abs().to_degrees();
+            (degrees - 1.0).abs() < 1e-9
+        });
+        for to in turned {
+            let columns = logs.iter_mut().flat_map(|log| &mut log.columns);
+            for column in columns.filter(|own| own.name == to.column && own.unit.is_none()) {
+                column.unit = Some("deg");
+                let name = format!("`{}`", to.column);
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            }
+        }
+    }
+    let note = format!(
+        "read as degrees, which they look to be in: {}",
+        names.join(", ")
+    );
+    (!names.is_empty()).then_some((logs, note))
 }
 
 /// Why no experiment file is proposed.

@@ -39,6 +39,35 @@ fn the_spec_may_be_given_before_the_logs() {
 }
 
 #[test]
+fn angles_that_look_in_degrees_are_proposed_in_degrees() {
+    let dir = scratch("inspect_degrees");
+    let log = fs::read_to_string(guide("run1.csv")).unwrap();
+    let mut rows = vec!["t,pos_a,pos_b,tau_q1,tau_q3".to_owned()];
+    rows.extend(log.lines().skip(1).map(|line| {
+        let mut cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        cells[1..3].iter_mut().for_each(|q| *q = q.to_degrees());
+        let cells: Vec<String> = cells.iter().map(f64::to_string).collect();
+        cells.join(",")
+    }));
+    fs::write(dir.join("log.csv"), rows.join("\n")).unwrap();
+    let spec = guide("fivebar.yaml");
+    let args = ["inspect", "log.csv", "--spec", &spec, "--out", "runs.yaml"];
+    let printed = regen(&dir, &args).ended(0).out;
+    assert!(
+        printed.contains("look to be in: `pos_a`, `pos_b`"),
+        "{printed}"
+    );
+    let proposed = fs::read_to_string(dir.join("runs.yaml")).unwrap();
+    assert_eq!(proposed.matches("unit: deg").count(), 2, "{proposed}");
+    let args = ["identify", &spec, "runs.yaml", "--format", "json"];
+    let found = regen(&dir, &args).ended(0).json();
+    assert!(
+        found["relative_absolute"].as_f64().unwrap() < 1.0,
+        "{found}"
+    );
+}
+
+#[test]
 fn a_first_experiment_file_is_proposed_that_identify_accepts() {
     let dir = scratch("inspect_proposal");
     let run = |args: &[&str]| regen(&dir, args).ended(0);

@@ -158,6 +158,11 @@ const REFUSED: &[(&str, &[&str])] = &[
         &["parameters base"],
     ),
     ("equations fivebar.yaml --of X {}", &["parameters all"]),
+    ("equations fivebar.yaml {}", &["parameters base"]),
+    (
+        "equations fivebar.yaml --of frames {}",
+        &["parameters base"],
+    ),
     (
         "equations swing.yaml {}",
         &["of closure", "of jacobian", "of X"],

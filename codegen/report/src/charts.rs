@@ -344,6 +344,7 @@ pub(super) fn densities(
     let up = ends(|p| p.1);
     // what is far below the rest is rounding
     let up = up.start.max(1e-12 * up.end)..up.end * 1.5;
+    let labels = round_numbers(&across);
     let mut entries = entries(lines);
     entries.extend(mark.map(|(_, name)| (name.to_owned(), Sign::Line(RED))));
     let rows = placed(AXIS_WIDTH_PX, &entries).1;
@@ -353,9 +354,11 @@ pub(super) fn densities(
             .margin_right(px(14))
             .x_label_area_size(px(40))
             .y_label_area_size(px(AXIS_WIDTH_PX))
-            .build_cartesian_2d(across.log_scale(), up.clone().log_scale())?;
+            .build_cartesian_2d(
+                across.log_scale().with_key_points(labels),
+                up.clone().log_scale(),
+            )?;
         styled(&mut chart.configure_mesh())
-            .x_labels(10)
             .y_labels(7)
             .x_label_formatter(&|v| number(*v, 3))
             .y_label_formatter(&|v| format!("{v:.0e}"))
@@ -374,6 +377,22 @@ pub(super) fn densities(
         }
         legend(area, AXIS_WIDTH_PX, &entries)
     })
+}
+
+/// The labels of a logarithmic axis: powers of ten, with twice and five times them on a short one. The
+/// labels that the library would choose have powers of ten twice, which looks bold.
+fn round_numbers(range: &Range<f64>) -> Vec<f64> {
+    let (first, last) = (range.start.log10().floor(), range.end.log10().floor());
+    let parts: &[f64] = if last - first > 2.0 {
+        &[1.0]
+    } else {
+        &[1.0, 2.0, 5.0]
+    };
+    std::iter::successors(Some(first), |power| Some(power + 1.0))
+        .take_while(|power| *power <= last)
+        .flat_map(|power| parts.iter().map(move |part| part * 10_f64.powf(power)))
+        .filter(|v| range.contains(v))
+        .collect()
 }
 
 /// A bar of a relative standard deviation.
@@ -496,6 +515,24 @@ mod tests {
         assert_eq!(range(std::iter::empty(), 0.1), 0.0..1.0);
         let one = range([2.0].into_iter(), 0.1);
         assert!(one.start < 2.0 && one.end > 2.0);
+    }
+
+    #[test]
+    fn no_label_of_spectra_is_drawn_twice_at_its_place() {
+        for ends in [(0.5, 12.0), (0.9, 50.0), (0.05, 250.0)] {
+            let line = Line {
+                label: String::new(),
+                points: vec![(ends.0, 1.0), (ends.1, 0.01)],
+                dye: BLUE,
+                look: Look::Solid,
+            };
+            let svg = densities("unit", &[line], None).unwrap();
+            let labels: Vec<&str> = svg.split("<text").skip(1).collect();
+            let different: std::collections::BTreeSet<_> = labels.iter().collect();
+            assert_eq!(labels.len(), different.len(), "{ends:?}: {svg}");
+        }
+        assert_eq!(round_numbers(&(0.5..12.0)), [0.5, 1.0, 2.0, 5.0, 10.0]);
+        assert_eq!(round_numbers(&(0.05..250.0)), [0.1, 1.0, 10.0, 100.0]);
     }
 
     #[test]

@@ -148,6 +148,36 @@ fn what_is_cited_is_what_the_citation_file_has() {
     }
 }
 
+/// On registries that is another program.
+#[test]
+fn no_page_installs_from_a_registry_what_has_the_name_of_the_command() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut pages = pages();
+    for name in ["README.md", "codegen/python/README.md"] {
+        pages.insert(
+            name.to_owned(),
+            fs::read_to_string(root.join(name)).unwrap(),
+        );
+    }
+    let commands = [
+        "cargo install ",
+        "cargo add ",
+        "pip install ",
+        "conda install ",
+    ];
+    let mut seen = 0;
+    for (name, page) in pages {
+        let parts = page.split(['`', '\n']);
+        let installed = parts.filter_map(|part| commands.iter().find_map(|c| part.split_once(c)));
+        for (_, words) in installed {
+            seen += 1;
+            let mut names = words.split(|c: char| c.is_whitespace() || "\"'=@[".contains(c));
+            assert!(names.all(|own| own != "regen"), "{name}: {words}");
+        }
+    }
+    assert!(seen > 4, "{seen}");
+}
+
 /// Units of what was measured on a machine, as they are written and as they are compared.
 const MEASURED: [(&str, &str); 9] = [
     ("ns", "ns"),

@@ -406,11 +406,11 @@ const RULES: [Rule; 33] = [
         commands: &["equations"],
         options: &["parameters"],
         holds: |w| {
-            ["closure", "jacobian", "X", "x"]
+            ["closure", "jacobian", "X", "x", "frames"]
                 .iter()
                 .any(|of| w.is("of", of))
         },
-        why: "equations of closure have no dynamic parameters",
+        why: "equations of closure and Jacobians of frames have no dynamic parameters",
     },
     Rule {
         commands: &["verify"],

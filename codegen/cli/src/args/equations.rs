@@ -26,9 +26,9 @@ pub(crate) struct EquationsArgs {
     /// The equations [default: closure with loops, dynamics without]
     #[arg(long, value_enum)]
     pub(crate) of: Option<OfArg>,
-    /// The parameters of the regressor, the efforts and their parts
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) parameters: ParametersArg,
+    /// The parameters of the regressor, the efforts and their parts [default: all]
+    #[arg(long, value_enum)]
+    pub(crate) parameters: Option<ParametersArg>,
 }
 
 /// The language of equations.
@@ -68,10 +68,9 @@ pub(crate) enum OfArg {
 }
 
 /// The parameters of the regressor, the efforts and their parts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ParametersArg {
     /// Those of all bodies and joints
-    #[default]
     All,
     /// The base parameters
     Base,

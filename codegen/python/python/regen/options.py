@@ -586,7 +586,7 @@ class EquationsOptions(TypedDict, total=False):
     format: Literal["text", "latex", "sympy"] | None
     #: The equations [default: closure with loops, dynamics without]
     of: Literal["closure", "jacobian", "X", "regressor", "dynamics", "mass", "coriolis", "gravity", "frames"] | None
-    #: The parameters of the regressor, the efforts and their parts
+    #: The parameters of the regressor, the efforts and their parts [default: all]
     parameters: Literal["all", "base"] | None
 
 
