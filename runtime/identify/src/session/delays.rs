@@ -81,6 +81,12 @@ impl Search {
         }
     }
 
+    /// Whether residuals at a long delay are far smaller than at the best one: the corrections of other efforts lessen
+    /// them at that one too.
+    fn is_explained_by(&self, residual: f64) -> bool {
+        MIN_GAIN_OF_LONG * residual < self.smallest
+    }
+
     /// Whether another delay is as likely, or differs from the found one by at most a tenth.
     fn agrees_with(&self, delay: f64) -> bool {
         let (left, sigma) = self.left;
@@ -226,7 +232,7 @@ fn with_others<M: BaseModel<f64> + ?Sized>(
     let is_late = |own: &Search| {
         let mut residuals = residuals.iter();
         let after = residuals.find(|(_, delay)| delay.effort == own.effort);
-        own.best != 0.0 || after.is_some_and(|after| MIN_GAIN_OF_LONG * after.0 < own.first)
+        own.best != 0.0 || after.is_some_and(|after| own.is_explained_by(after.0))
     };
     Ok(with(&[], searches, |own| {
         if is_late(own) { each(own) } else { 0.0 }
@@ -425,6 +431,16 @@ mod tests {
         assert_eq!(of(&[0.095, 0.0, 0.15]), None);
         assert_eq!(of(&[0.095, 0.0, 0.0]), None);
         assert_eq!(of(&[0.0095, 0.0097, 0.0]), None);
+    }
+
+    #[test]
+    fn an_effort_that_the_corrections_of_others_explain_has_no_delay_of_theirs() {
+        let after = |smallest: f64| Search {
+            smallest,
+            ..settled(0.0, 0.0, 1e-5)
+        };
+        assert!(after(0.9).is_explained_by(0.1));
+        assert!(!after(0.05).is_explained_by(0.1));
     }
 
     #[test]
