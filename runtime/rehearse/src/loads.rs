@@ -153,17 +153,17 @@ impl Loads {
         }
     }
 
-    /// eps_RA of a model on a run, percent; `None` where it is not defined.
+    /// eps_RA of a model on a run, percent; not finite where it is not defined.
     pub(crate) fn error<M: BaseModel<f64> + ?Sized>(
         &self,
         session: &Session<'_, M>,
         run: &Run,
         number: usize,
         model: &IdentifiedModel,
-    ) -> Result<Option<f64>, RehearseError> {
+    ) -> Result<f64, RehearseError> {
         let carried = self.of_run(number).map(|own| own.body.as_str());
         let (errors, ..) = loaded_residuals(session, run, model, &self.bodies(), carried)?;
-        Ok(Some(errors.relative_absolute()).filter(|error| error.is_finite()))
+        Ok(errors.relative_absolute())
     }
 
     /// The estimate from the runs of a seed.

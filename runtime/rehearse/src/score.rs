@@ -36,7 +36,8 @@ pub struct Score {
     pub by_chance: [f64; 2],
     /// The mean eps_RA (Eq. 33) on a run that is not used for identification, percent.
     pub relative_absolute: Option<f64>,
-    /// The eps_RA of the true parameters on it: the part of noise and unmodelled effects.
+    /// The mean eps_RA of the true parameters on it, read as for each estimate: the part of noise and
+    /// unmodelled effects.
     pub relative_absolute_of_truth: Option<f64>,
     /// The scores of each base parameter, then of nonlinear friction, then of unknown gains, then of
     /// the identified parameters of payloads: mass, centre of mass and inertia about it.
@@ -89,7 +90,6 @@ impl Score {
         trials: &[Trial],
         asked: usize,
         confidence: f64,
-        error_of_truth: Option<f64>,
     ) -> Self {
         let fits = trials.iter().filter_map(|t| t.outcome.as_ref().ok());
         let fits: Vec<&Fit> = fits.collect();
@@ -98,6 +98,7 @@ impl Score {
             Some(FailedSeed { seed: t.seed, why })
         });
         let (fewest, most) = counts_by_chance(fits.len(), confidence);
+        let errors = || fits.iter().filter_map(|fit| fit.errors);
         let pairs = labels.iter().zip(truth).enumerate();
         let parameters =
             pairs.map(|(k, (label, truth))| parameter_score(label, *truth, k, &fits, fewest));
@@ -117,8 +118,8 @@ impl Score {
             inside: percent(parameters.iter().map(|p| p.inside).sum(), all),
             level: 100.0 * confidence,
             by_chance: [fewest, most].map(|count| percent(count, fits.len()).unwrap_or(0.0)),
-            relative_absolute: mean(fits.iter().filter_map(|fit| fit.error)),
-            relative_absolute_of_truth: error_of_truth,
+            relative_absolute: mean(errors().map(|[of_estimate, _]| of_estimate)),
+            relative_absolute_of_truth: mean(errors().map(|[_, of_truth]| of_truth)),
             parameters,
         }
     }
@@ -206,7 +207,7 @@ mod tests {
             outcome: Ok(Fit {
                 values: vec![value],
                 intervals: vec![interval],
-                error: Some(2.0),
+                errors: Some([2.0, 1.0]),
             }),
         }
     }
@@ -223,7 +224,7 @@ mod tests {
                 outcome: Err("no convergence".to_owned()),
             },
         ];
-        let score = Score::new(&["m(1)"], &[1.0], &trials, 6, 0.95, Some(1.0));
+        let score = Score::new(&["m(1)"], &[1.0], &trials, 6, 0.95);
         let one = &score.parameters[0];
         assert_eq!((one.intervals, one.within, one.inside), (3, 2, 1));
         assert!((score.least - 40.0).abs() < 1e-12, "2 of 5");
@@ -245,7 +246,7 @@ mod tests {
             seed: 1,
             outcome: Err("no convergence".to_owned()),
         };
-        let score = Score::new(&["m(1)"], &[0.0], &[none], 1, 0.95, None);
+        let score = Score::new(&["m(1)"], &[0.0], &[none], 1, 0.95);
         assert_eq!((score.least, score.inside), (0.0, None));
         assert_eq!(score.parameters[0].rms_percent, None);
         assert_eq!(score.relative_absolute, None);

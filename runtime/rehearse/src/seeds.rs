@@ -155,8 +155,6 @@ where
         labels.extend(more);
         truth.extend(values);
     }
-    let (fresh, error_of_truth) =
-        fresh.map_or((None, None), |(run, error)| (Some(run), Some(error)));
     let next = AtomicUsize::new(0);
     let failed = AtomicBool::new(false);
     let done: Mutex<Vec<(usize, Result<Trial, RehearseError>)>> = Mutex::new(Vec::new());
@@ -184,7 +182,11 @@ where
             scope.spawn(work);
         }
     });
-    rehearsal.tidy(fresh.as_slice());
+    rehearsal.tidy(
+        fresh
+            .as_ref()
+            .map_or(&[], |fresh| std::slice::from_ref(&fresh.run)),
+    );
     let mut done = done
         .into_inner()
         .unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -222,7 +224,6 @@ where
         &trials,
         rehearsal.seeds,
         rehearsal.confidence,
-        error_of_truth,
     ))
 }
 

@@ -7,7 +7,7 @@ use regen_experiment::simulate::{LogColumns, Settings, Termination, simulate};
 use regen_identify::data::Run;
 use regen_identify::friction::JointFit;
 use regen_identify::model::{IdentifiedModel, Interval};
-use regen_identify::session::{OpenChoices, Session, Silent, chosen, compare};
+use regen_identify::session::{LogError, OpenChoices, Session, Silent, chosen, compare};
 use regen_response::Number;
 use regen_runtime::{BaseModel, Model};
 
@@ -24,8 +24,15 @@ pub(crate) struct Fit {
     pub(crate) values: Vec<f64>,
     /// Their intervals; `None` where the data do not determine a value.
     pub(crate) intervals: Vec<Option<Interval>>,
-    /// eps_RA on the fresh run, percent; `None` without such a run.
-    pub(crate) error: Option<f64>,
+    /// eps_RA on the fresh run, percent: of the estimate, and of the true parameters, which read the
+    /// run alike; `None` without such a run.
+    pub(crate) errors: Option<[f64; 2]>,
+}
+
+/// A run that is not used for identification, and the model that simulated it.
+pub(crate) struct FreshRun {
+    pub(crate) run: Run,
+    pub(crate) true_model: IdentifiedModel,
 }
 
 /// The result of a seed: an estimate, or the reason why there is none, in words.
@@ -42,7 +49,11 @@ where
     /// Simulates and identifies one seed; failures that belong to the seed are part of the result.
     ///
     /// - `fresh`: a run that is not used for identification; the estimate predicts it.
-    pub(crate) fn trial(&self, seed: u64, fresh: Option<&Run>) -> Result<Trial, RehearseError> {
+    pub(crate) fn trial(
+        &self,
+        seed: u64,
+        fresh: Option<&FreshRun>,
+    ) -> Result<Trial, RehearseError> {
         let mut files = Vec::new();
         let outcome = self.outcome(seed, fresh, &mut files);
         self.tidy(&files);
@@ -56,7 +67,7 @@ where
     fn outcome(
         &self,
         seed: u64,
-        fresh: Option<&Run>,
+        fresh: Option<&FreshRun>,
         runs: &mut Vec<Run>,
     ) -> Result<Result<Fit, String>, RehearseError> {
         for (number, duration) in self.durations.iter().enumerate() {
@@ -107,9 +118,10 @@ where
                 session.reading.decimation = choice.equation_decimation();
             }
         }
-        let error = match fresh {
-            Some(fresh) => self.error_of(&session, fresh, &found)?,
-            None => None,
+        let errors = match fresh.map(|fresh| self.errors(&session, fresh, &found)) {
+            // the estimate is scored without them
+            Some(Err(why)) if !why.is_of_one_seed() => return Err(why),
+            errors => errors.and_then(Result::ok).flatten(),
         };
         let friction = friction::estimated(&self.sought_friction(), &found);
         let loads = self.loads.as_ref().map(|loads| loads.found(&found));
@@ -122,7 +134,7 @@ where
         Ok(Ok(Fit {
             values,
             intervals,
-            error,
+            errors,
         }))
     }
 
@@ -149,9 +161,8 @@ where
         }
     }
 
-    /// Simulates the fresh run, which the estimates predict, and returns it with the eps_RA of the
-    /// true base parameters and friction, percent; `None` if it cannot be simulated or read to its end.
-    pub(crate) fn fresh(&self, truth: &[f64]) -> Result<Option<(Run, f64)>, RehearseError> {
+    /// Simulates the fresh run, which the estimates predict; `None` if it ended early.
+    pub(crate) fn fresh(&self, truth: &[f64]) -> Result<Option<FreshRun>, RehearseError> {
         let longest = self.durations.iter().fold(0.0, |a: f64, b| a.max(*b));
         let number = self.durations.len();
         let Ok(run) = self.log(self.first, number, longest, "fresh.csv")? else {
@@ -165,11 +176,7 @@ where
             },
         };
         true_model.friction = self.true_friction();
-        match self.error_of(&self.session(), &run, &true_model) {
-            Ok(error) => Ok(error.map(|error| (run, error))),
-            Err(why) if why.is_of_one_seed() => Ok(None),
-            Err(why) => Err(why),
-        }
+        Ok(Some(FreshRun { run, true_model }))
     }
 
     /// Removes the files of logs, unless the user asked to keep them.
@@ -183,26 +190,27 @@ where
         }
     }
 
-    /// The eps_RA of a model on the fresh run, percent; `None` if it is not defined.
-    fn error_of(
+    /// The eps_RA of an estimate and of the true parameters on the fresh run, percent; `None` if one
+    /// is not defined.
+    fn errors(
         &self,
         session: &Session<'_, M>,
-        run: &Run,
-        model: &IdentifiedModel,
-    ) -> Result<Option<f64>, RehearseError> {
-        if let Some(loads) = &self.loads {
-            return loads.error(session, run, self.durations.len(), model);
-        }
-        let errors = compare(
-            session,
-            None,
-            (std::slice::from_ref(run), &[]),
-            std::slice::from_ref(model),
-        )?;
-        let error = errors.first().and_then(|logs| logs.first());
-        Ok(error
-            .map(|log| log.relative_absolute)
-            .filter(|error| error.is_finite()))
+        fresh: &FreshRun,
+        estimate: &IdentifiedModel,
+    ) -> Result<Option<[f64; 2]>, RehearseError> {
+        let models = [estimate, &fresh.true_model];
+        let errors: Vec<f64> = if let Some(loads) = &self.loads {
+            let number = self.durations.len();
+            let error = |model| loads.error(session, &fresh.run, number, model);
+            models.into_iter().map(error).collect::<Result<_, _>>()?
+        } else {
+            let run = std::slice::from_ref(&fresh.run);
+            let errors = compare(session, None, (run, &[]), &models.map(Clone::clone))?;
+            let of_model = |logs: &Vec<LogError>| Some(logs.first()?.relative_absolute);
+            errors.iter().filter_map(of_model).collect()
+        };
+        let errors = <[f64; 2]>::try_from(errors).ok();
+        Ok(errors.filter(|errors| errors.iter().all(|error| error.is_finite())))
     }
 
     fn session(&self) -> Session<'_, M> {
