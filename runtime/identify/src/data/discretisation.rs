@@ -19,7 +19,7 @@ const SAMPLED_ROWS: usize = 8192;
 /// Number of stretches that these rows are divided into.
 const STRETCHES: usize = 8;
 /// Approximate number of states of each file at which efforts are compared.
-const SAMPLED_STATES: usize = 500;
+const SAMPLED_STATES: usize = 2000;
 /// Order of the Butterworth filter that a series is compared with.
 const FILTER_ORDER: usize = 4;
 /// Half width of the regression that a local regression is compared with, over its own.
@@ -34,7 +34,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     /// positions behind a filter of three times its highest frequency. The change is zero where
     /// derivatives are measured, or where the encoder's noise made one neighbour the best choice.
     ///
-    /// A few hundred states of each file represent the whole file; the factor of all states keeps
+    /// Two thousand states of each file represent the whole file; the factor of all states keeps
     /// the change small where these contain little information.
     ///
     /// - `beta`: the identified parameters, SI; `weights`: one for each of the n equations of a

@@ -494,7 +494,7 @@ impl Blocks {
         }
         let between = self.between(&sum, &transforms, whole, &step);
         let runs = between.map_or(1.0, |own| own.growth * own.growth);
-        let growth = runs * growth(bread.rows as f64 * self.independent_part, k, bread.rows);
+        let growth = runs * growth(self.independent_of(bread.rows), k, bread.rows);
         let mut within_runs = covariance_of(&transforms, &scale);
         for (scale, degrees_of_freedom) in scale.iter_mut().zip(&mut degrees_of_freedom) {
             *scale *= growth;
@@ -506,7 +506,7 @@ impl Blocks {
         let shrunk = shrunk(&transforms, &scale, whole, k);
         let root = if let Some(mut shrunk) = shrunk {
             if growth.is_finite() {
-                let independent = bread.rows as f64 * self.independent_part - k as f64;
+                let independent = self.independent_of(bread.rows) - k as f64;
                 // a variance with these degrees of freedom is known to this part of its square
                 let independent = independent.min(2.0 / self.noise_unknown);
                 shrunk.keep_what_is_beyond_chance(&covariance, &degrees_of_freedom);

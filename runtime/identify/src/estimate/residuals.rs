@@ -357,6 +357,14 @@ pub(crate) fn bartlett_stretches(samples: usize, bandwidth: usize) -> f64 {
     (1.5 * samples as f64 / bandwidth.max(1) as f64).max(1.0)
 }
 
+/// The factor of a covariance with Bartlett's weights for what residuals lack of the noise, as a fit
+/// leaves their scores without a mean: 1 / (1 - b + b^2/3) for a bandwidth of the part b of the samples
+/// (the expectation of the limit of Kiefer and Vogelsang, 2005).
+pub(crate) fn bartlett_growth(samples: usize, bandwidth: usize) -> f64 {
+    let part = (bandwidth as f64 / samples.max(1) as f64).min(1.0);
+    1.0 / (1.0 - part + part * part / 3.0)
+}
+
 /// The covariance of estimates whose residuals are correlated in time and across efforts (Newey and
 /// West, 1987), computed in one pass and in memory that does not grow with the log.
 ///

@@ -90,6 +90,11 @@ pub struct Blocks {
 }
 
 impl Blocks {
+    /// The number of independent ones among these equations.
+    pub(crate) fn independent_of(&self, equations: usize) -> f64 {
+        equations as f64 * self.independent_part
+    }
+
     /// Adds a systematic change of all parameters that is the same for all samples, such as the
     /// effect of another differentiation method: it counts as one more standard deviation, also for
     /// estimates of some of the parameters, and beside changes that were added before.

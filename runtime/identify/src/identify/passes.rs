@@ -14,7 +14,7 @@ use super::stream::{Columns, LeftOut, equations};
 use crate::estimate::huber as loss;
 use crate::estimate::{
     Accumulator, Blocks, Deviations, EffortError, Estimate, FactorSet, QrFactor, Residuals,
-    Weighting, bartlett_stretches,
+    Weighting, bartlett_growth, bartlett_stretches,
 };
 use crate::states::Source;
 use crate::states::nonlinear_joints;
@@ -487,11 +487,14 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     )?;
     if let Some(newey_west) = newey_west {
         let covariance = newey_west.covariance(&effort_weighted)?;
-        let covariance = covariance
-            .iter()
-            .map(|c| c / (fraction_within_bound * fraction_within_bound));
-        let freedom = bartlett_stretches(rows, bandwidth);
-        let freedom = freedom.min(estimate.degrees_of_freedom as f64);
+        // it has been corrected for what the parameters take of equations that are all independent
+        let (all, used) = (effort_weighted.rows() as f64, estimate.values.len() as f64);
+        let independent = blocks.independent_of(effort_weighted.rows());
+        let left = (independent - used).max(1.0);
+        let growth = bartlett_growth(rows, bandwidth) * (independent / left) * (1.0 - used / all);
+        let growth = growth.max(1.0) / (fraction_within_bound * fraction_within_bound);
+        let covariance = covariance.iter().map(|c| c * growth);
+        let freedom = bartlett_stretches(rows, bandwidth).min(left);
         deviations = deviations.with_covariance(covariance.collect(), freedom);
     }
     if options.huber.is_some() {

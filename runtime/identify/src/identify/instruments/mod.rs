@@ -34,7 +34,7 @@ use super::sampling::ChangedParameters;
 use super::stream::LeftOut;
 use crate::estimate::{
     Deviations, EffortError, Estimate, EstimateError, FilteredNoise, Origin, Residuals, SAMPLING,
-    Weighting, bartlett_stretches,
+    Weighting, bartlett_growth, bartlett_stretches,
 };
 use crate::states::{MotionSeries, Source};
 use regen_runtime::BaseModel;
@@ -427,7 +427,9 @@ pub(crate) fn instrumental_of<E: InstrumentedEquations>(
     if options.hac_bandwidth.is_some() {
         let freedom = bartlett_stretches(rows, bandwidth);
         let freedom = freedom.min(estimate.degrees_of_freedom as f64);
-        deviations = deviations.with_covariance(covariance.instrumental, freedom);
+        let growth = bartlett_growth(rows, bandwidth);
+        let grown = covariance.instrumental.iter().map(|c| c * growth);
+        deviations = deviations.with_covariance(grown.collect(), freedom);
     }
     let mut changed = ChangedParameters::new(origin.labels.clone());
     equations.changed(&found.solution.values, &found.weights, &mut changed)?;
