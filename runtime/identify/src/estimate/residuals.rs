@@ -358,10 +358,11 @@ pub(crate) fn bartlett_stretches(samples: usize, bandwidth: usize) -> f64 {
 }
 
 /// The factor of a covariance with Bartlett's weights for what residuals lack of the noise, as a fit
-/// leaves their scores without a mean: 1 / (1 - b + b^2/3) for a bandwidth of the part b of the samples
+/// leaves their scores without a mean: 1 / (1 - b + b^2/3) for lags up to the part b of the samples
 /// (the expectation of the limit of Kiefer and Vogelsang, 2005).
 pub(crate) fn bartlett_growth(samples: usize, bandwidth: usize) -> f64 {
-    let part = (bandwidth as f64 / samples.max(1) as f64).min(1.0);
+    let lags = bandwidth.saturating_sub(1);
+    let part = (lags as f64 / samples.max(1) as f64).min(1.0);
     1.0 / (1.0 - part + part * part / 3.0)
 }
 

@@ -487,9 +487,11 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     )?;
     if let Some(newey_west) = newey_west {
         let covariance = newey_west.covariance(&effort_weighted)?;
-        // it has been corrected for what the parameters take of equations that are all independent
+        // it has been corrected for what the parameters take of equations that are all independent; as many
+        // are as the given bandwidth says
         let (all, used) = (effort_weighted.rows() as f64, estimate.values.len() as f64);
         let independent = blocks.independent_of(effort_weighted.rows());
+        let independent = independent.max(all / bandwidth as f64);
         let left = (independent - used).max(1.0);
         let growth = bartlett_growth(rows, bandwidth) * (independent / left) * (1.0 - used / all);
         let growth = growth.max(1.0) / (fraction_within_bound * fraction_within_bound);
