@@ -222,9 +222,10 @@ fn no_page_installs_from_a_registry_what_has_the_name_of_the_command() {
 }
 
 /// Units of what was measured on a machine, as they are written and as they are compared.
-const MEASURED: [(&str, &str); 9] = [
+const MEASURED: [(&str, &str); 10] = [
     ("ns", "ns"),
     ("us", "us"),
+    ("ms", "ms"),
     ("min", "min"),
     ("minutes", "min"),
     ("kB", "kB"),
@@ -267,11 +268,11 @@ fn figures(text: &str) -> Vec<Figure> {
             } else {
                 power(zeros)
             };
-            // 7 to 13 minutes
-            let next = match words.get(k + 1) {
-                Some(&"to") => words.get(k + 3),
-                next => next,
+            // 7 to 13 minutes; 28, 44 and 32 ms
+            let in_list = |word: &&&str| {
+                ["to", "and"].contains(*word) || word.replace(',', "").parse::<f64>().is_ok()
             };
+            let next = words[k + 1..].iter().find(|word| !in_list(word));
             found.push(Figure {
                 value,
                 near: 0.501 * last,
