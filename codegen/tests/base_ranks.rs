@@ -174,6 +174,19 @@ fn one_tree_gives_the_published_numbers_of_planar_robots_and_all_trees_one_fewer
         );
         assert_eq!(cells[3], certified.to_string(), "{name}");
     }
+    let paper = file("runtime/guide/pages/paper.md");
+    for (row, name) in [
+        ("four-bar in a vertical plane", "fourbar"),
+        ("five-bar", "fivebar"),
+        ("planar 3-RRR", "3rrr"),
+        ("3-RPS", "3rps"),
+        ("Stewart platform, 6-UPS", "stewart"),
+        ("translational Delta, 3-RUU", "delta"),
+    ] {
+        let (model, one) = base_with(&file(&format!("robots/{name}.yaml")), Some(0));
+        let cells = format!("| {row} | {} | {} |", model.parameters.len(), one.rank());
+        assert!(one.trees == 1 && paper.contains(&cells), "{cells}");
+    }
 }
 
 #[test]

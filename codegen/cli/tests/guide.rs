@@ -231,6 +231,16 @@ fn the_numbers_of_the_paper_are_those_that_base_prints() {
         ] {
             assert!(printed.contains(&line), "{row}\n{printed}");
         }
+        if mechanism == "3-RPS" {
+            let [parameters, tree, ..] = cells[..] else {
+                panic!("{row}")
+            };
+            let (one, all) = (parameters - tree, parameters - trees);
+            let sentence = format!(
+                "{one} directions each have a sum of {all}: of {parameters} parameters {certified} remain"
+            );
+            assert!(page.contains(&sentence), "{sentence}");
+        }
     }
 }
 
@@ -278,6 +288,8 @@ fn the_stewart_platforms_table_is_a_latex_document() {
     let text = fs::read_to_string(dir.join("stewart.tex")).unwrap();
     assert!(text.starts_with("\\documentclass") && text.ends_with("\\end{document}\n"));
     assert!(text.contains("\\begin{xtabular}") && text.contains("\n82 & "));
+    let page = fs::read_to_string(root().join("runtime/guide/pages/table.md")).unwrap();
+    assert!(!text.contains("\n83 & ") && page.contains("platform, whose 82 rows "));
 }
 
 #[test]

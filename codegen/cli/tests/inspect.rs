@@ -337,6 +337,28 @@ fn a_first_experiment_file_for_currents_has_unknown_gains_that_identify_finds() 
 }
 
 #[test]
+fn columns_whose_names_and_order_say_nothing_are_told_apart_by_their_noise() {
+    let dir = scratch("inspect_plain");
+    let log = fs::read_to_string(guide("run1.csv")).unwrap();
+    let mut rows = vec!["t,a,b,c,d".to_owned()];
+    rows.extend(log.lines().skip(1).map(|line| {
+        let cells: Vec<&str> = line.split(',').collect();
+        format!(
+            "{},{},{},{},{}",
+            cells[0], cells[3], cells[1], cells[4], cells[2]
+        )
+    }));
+    fs::write(dir.join("log.csv"), rows.join("\n")).unwrap();
+    let spec = guide("fivebar.yaml");
+    regen(&dir, &["inspect", &spec, "log.csv", "--out", "runs.yaml"]).ended(0);
+    let proposed = fs::read_to_string(dir.join("runs.yaml")).unwrap();
+    for (own, column) in [("q1", "b"), ("q3", "d"), ("tau_q1", "a"), ("tau_q3", "c")] {
+        let line = format!("  {own}: {{column: {column}}}\n");
+        assert!(proposed.contains(&line), "{proposed}");
+    }
+}
+
+#[test]
 fn a_log_without_positions_is_described_before_the_proposal_fails() {
     let dir = scratch("inspect_nothing");
     let rows = (0..200).map(|k| format!("{},{}\n", f64::from(k) * 0.01, 30 + k / 50));

@@ -156,8 +156,11 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     for line in page.captions() {
         let _ = writeln!(out, "% {line}");
     }
-    for (name, value) in page.used_lengths() {
-        let _ = writeln!(out, "% {name} = {} m or rad", stated(value));
+    for (k, (name, value)) in page.used_lengths().enumerate() {
+        if k == 0 {
+            out.push_str("% lengths in m, angles in rad:\n");
+        }
+        let _ = writeln!(out, "% {name} = {}", stated(value));
     }
     out.push_str("% needs amsmath; \\allowdisplaybreaks lets long lists break\n");
     // the left and the right side of each equation

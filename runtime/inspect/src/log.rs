@@ -1,7 +1,7 @@
 //! Inspects one log: its clock, its columns and its joints.
 
 use regen_identify::data::{DataError, Quantity, RawLog, Run, Settings, file_unit};
-use regen_identify::text::figure_of;
+use regen_identify::text::{counted, figure_of};
 use regen_runtime::Info;
 use serde::Serialize;
 
@@ -422,12 +422,14 @@ pub fn inspect(
             .extend(left_out::efforts_of_others(&out, info.name));
     } else if let Some(info) = robot {
         let found = out.columns.iter().filter(|c| c.role == Role::Position);
+        let found = match found.count() {
+            1 => "1 column looks like a position".to_owned(),
+            count => format!("{count} columns look like positions"),
+        };
         out.notes.push(format!(
-            "{} columns look like positions, and {} has {} coordinates, {} of them actuated: assign \
-             their columns",
-            found.count(),
+            "{found}, and {} has {}, {} of them actuated: assign their columns",
             info.name,
-            info.coordinates.len(),
+            counted(info.coordinates.len(), "coordinate", "coordinates"),
             info.actuated.len()
         ));
     }

@@ -324,23 +324,31 @@ fn by_place(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [J
 }
 
 /// Guesses positions and efforts if no position was found otherwise: the first half of the unknown
-/// columns if they are smooth, and the second half if those are rough.
+/// columns if they are smooth, and the second half if those are rough; in another order, if each of one half
+/// is smooth beside each of the other.
 fn by_order(known: &Known<'_>, out: &mut [Judged]) {
-    let left: Vec<usize> = (0..out.len()).filter(|k| out[*k].is_open()).collect();
-    let (first, second) = left.split_at(left.len() / 2);
-    let typical = |columns: &[usize]| {
-        let all: Vec<f64> = columns.iter().map(|k| known.roughness(*k)).collect();
-        crate::clock::median(&all)
-    };
-    let rough_enough = typical(first) <= MAX_NOISE_RATIO * typical(second);
-    if first.is_empty() || first.len() != second.len() || !rough_enough {
+    let mut left: Vec<usize> = (0..out.len()).filter(|k| out[*k].is_open()).collect();
+    let half = left.len() / 2;
+    if half == 0 || !left.len().is_multiple_of(2) {
         return;
     }
-    for (columns, role) in [(first, Role::Position), (second, Role::Effort)] {
+    let rough = |k: &usize| known.roughness(*k);
+    let typical = |columns: &[usize]| {
+        let all: Vec<f64> = columns.iter().map(rough).collect();
+        crate::clock::median(&all)
+    };
+    let (first, second) = left.split_at(half);
+    if typical(first) > MAX_NOISE_RATIO * typical(second) {
+        left.sort_by(|a, b| rough(a).total_cmp(&rough(b)));
+        if rough(&left[half - 1]) > MAX_NOISE_RATIO * rough(&left[half]) {
+            return;
+        }
+    }
+    let (smooth, others) = left.split_at(half);
+    for (columns, role) in [(smooth, Role::Position), (others, Role::Effort)] {
         for k in columns {
             out[*k].role = role;
-            "smooth columns, followed by as many rough ones: a guess"
-                .clone_into(&mut out[*k].reason);
+            "smooth columns, and as many rough ones: a guess".clone_into(&mut out[*k].reason);
         }
     }
 }

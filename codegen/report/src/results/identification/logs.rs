@@ -299,6 +299,8 @@ const SHOWN_COLUMNS: usize = 8;
 /// let found = notes_of_logs(&[one("a.csv", &["current1", "heat"]), one("b.csv", &[]), one("c.csv", &["current1", "heat"])]);
 /// let text = "2 columns of a.csv and 1 other log are not used: `current1`, `heat`; `regen inspect` says what they look like";
 /// assert_eq!(found, [text]);
+/// let text = "1 column of a.csv is not used: `heat`; `regen inspect` says what it looks like";
+/// assert_eq!(notes_of_logs(&[one("a.csv", &["heat"])]), [text]);
 /// let found = notes_of_logs(&[one("a.csv", &["a", "b", "c", "d", "e", "f", "g", "h", "i", "j"])]);
 /// assert!(found[0].contains("`h` and 2 others;"));
 /// ```
@@ -324,13 +326,13 @@ pub fn notes_of_logs(reports: &[FileReport]) -> Vec<String> {
             0 => String::new(),
             more => format!(" and {}", counted(more, "other", "others")),
         };
-        let verb = if report.unused.len() == 1 {
-            "is"
+        let (verb, looks) = if report.unused.len() == 1 {
+            ("is", "it looks")
         } else {
-            "are"
+            ("are", "they look")
         };
         out.push(format!(
-            "{} of {logs} {verb} not used: {}{more}; `regen inspect` says what they look like",
+            "{} of {logs} {verb} not used: {}{more}; `regen inspect` says what {looks} like",
             counted(report.unused.len(), "column", "columns"),
             names.join(", ")
         ));
