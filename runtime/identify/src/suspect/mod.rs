@@ -304,7 +304,7 @@ const UNEXPLAINED_ERROR: f64 = 0.25;
 /// The factor by which a change may increase the error of an effort that it leaves unexplained.
 const MAX_HARM: f64 = 1.2;
 /// The part of the largest error that a change may leave if that effort stays unexplained.
-const MAX_LEFT_OF_WORST: f64 = 0.85;
+const MAX_LEFT_OF_WORST: f64 = 0.7;
 /// A fit leaves this part of an effort that is noise at most.
 const MAX_LEFT_OF_NOISE: f64 = 1.05;
 /// Relative errors above this cause hypotheses on positions to be tried.

@@ -4,13 +4,11 @@
 use super::grams::{Fit, Grams, Stored};
 use super::words::LogColumns;
 use super::{
-    EffortChange, MIN_DOUBTED_ERROR, Reading, Remedy, STATES, Sample, Suspicion, UNEXPLAINED_ERROR,
-    implausible_count, is_less_explained, least_states, left_of, quality,
+    EffortChange, MAX_LEFT_OF_WORST, MIN_DOUBTED_ERROR, Reading, Remedy, STATES, Sample, Suspicion,
+    UNEXPLAINED_ERROR, implausible_count, is_less_explained, least_states, left_of, quality,
 };
 use regen_runtime::BaseModel;
 
-/// The part that another gravity may leave of the largest error.
-const MAX_LEFT_OF_WORST: f64 = 0.8;
 /// The factor by which another gravity must reduce the product of errors, as half of it is not an
 /// accident.
 const MIN_GAIN: f64 = 2.0;
