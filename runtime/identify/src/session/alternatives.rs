@@ -11,7 +11,7 @@ use super::motion_noise::{NoisyLogs, is_undetermined, rates};
 use super::{Session, SessionError};
 use crate::choice::{Choice, LossChoice, SeriesChoice, VelocityChoice};
 use crate::data::{DataError, Logs, Run, Settings};
-use crate::identify::Delay;
+use crate::identify::{Delay, Delays};
 use crate::signals::{Method, SignalError, fitting_series};
 
 /// A Fourier series takes the place of a filter if its mean square error is below this part of the filter's: of a
@@ -151,11 +151,12 @@ fn may_be(own: &Delay, seconds: f64) -> bool {
 }
 
 /// Which efforts have a delay with the chosen filter or series.
+///
+/// - `of_series`: the delays of the efforts behind the series, if one is chosen.
 pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    runs: &[Run],
     basis: &Basis<'_, M>,
-    choice: &Choice,
+    of_series: Option<Delays>,
 ) -> Result<Lateness, SessionError> {
     let Some(chosen) = basis.trial() else {
         return Ok(Lateness::None);
@@ -172,16 +173,13 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
         let mut noisy = NoisyLogs::new(&thinned, &levels, cutoff);
         fitted(session, &mut noisy, true)
     };
-    let is_series = matches!(choice.method(), Method::Fourier { .. });
-    let found = if let Method::Fourier { .. } = choice.method() {
-        let reading = choice.applied(&session.reading);
-        let mut logs = Logs::open(session.model, &choice.runs(runs), &reading)?;
-        fitted(session, &mut logs, true)?
-    } else {
-        behind(cutoff)?
+    let is_series = of_series.is_some();
+    let found = match of_series {
+        Some(found) => found,
+        None => behind(cutoff)?.delays,
     };
     let is_long = |own: &Delay| own.seconds.abs() * rate > MIN_DELAY_ROWS;
-    let (each, common) = (&found.delays.efforts, &found.delays.common);
+    let (each, common) = (&found.efforts, &found.common);
     let is_beyond = |own: &Delay, deviations: f64| own.seconds.abs() > deviations * own.sigma;
     let is_common_certain =
         (common.as_ref()).is_some_and(|own| is_beyond(own, MIN_COMMON_DEVIATIONS));
@@ -229,13 +227,15 @@ pub(super) fn lateness<M: BaseModel<f64> + ?Sized>(
 /// chosen filter. `None` where the motion does not repeat, or repeats itself only roughly: where the estimates of both
 /// differ by more than chance, and what the series leaves of the motion is not noise alone.
 ///
-/// - `choice`: that of the filter.
+/// - `choice`: that of the filter; `finds_delays`: whether the delays of the efforts behind a series that is used are
+///   returned too.
 pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     runs: &[Run],
     basis: &Basis<'_, M>,
     choice: &Choice,
-) -> Result<Option<SeriesChoice>, SessionError> {
+    finds_delays: bool,
+) -> Result<Option<(SeriesChoice, Option<Delays>)>, SessionError> {
     let (Some(filtered), Some(positions)) = (basis.trial(), basis.logs.positions()) else {
         return Ok(None);
     };
@@ -266,10 +266,15 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
         }) => return Ok(None),
         opened => opened?,
     };
-    let fitted = |logs: &mut Logs<'_, M>| -> Result<Option<Trial>, DataError> {
-        match fitted(session, logs, false) {
+    let fitted = |logs: &mut Logs<'_, M>, finds_delays: bool| -> Result<_, DataError> {
+        match fitted(session, logs, finds_delays) {
             Err(error) if is_undetermined(&error) => Ok(None),
-            found => Ok(Some(Trial::of_exact_motion(found?, filtered.cutoff))),
+            found => {
+                let found = found?;
+                let delays = found.delays.clone();
+                let trial = Trial::of_exact_motion(found, filtered.cutoff);
+                Ok(Some((trial, delays)))
+            }
         }
     };
     let below = if found.parts.is_empty() {
@@ -280,7 +285,7 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
     let samples: usize = positions.iter().map(|own| own.times.len()).sum();
     let every = samples / ENOUGH_SAMPLES;
     if every > 1
-        && let Some(few) = fitted(&mut logs.thinned(reading.method, 1, every)?)?
+        && let Some((few, _)) = fitted(&mut logs.thinned(reading.method, 1, every)?, false)?
         && let [own, other] = &all_errors(&[&few, filtered], 0)[..]
     {
         // with all equations it is at least this, unless their errors alternate
@@ -288,15 +293,16 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
         if least > CLEARLY * below * other.sum() {
             let efforts = mean_square(&few.factor);
             let percent = |square: f64| percent_of(square, efforts);
-            return Ok(Some(SeriesChoice {
+            let found = SeriesChoice {
                 is_used: false,
                 filtered: Some(percent(other.sum())),
                 series: percent(least),
                 ..found
-            }));
+            };
+            return Ok(Some((found, None)));
         }
     }
-    let Some(series) = fitted(&mut logs)? else {
+    let Some((series, delays)) = fitted(&mut logs, finds_delays)? else {
         return Ok(None);
     };
     // the errors of efforts along the whole motion, which no filter has smoothed
@@ -313,12 +319,14 @@ pub(super) fn series_choice<M: BaseModel<f64> + ?Sized>(
     }
     let efforts = mean_square(&series.factor);
     let percent = |square: f64| percent_of(square, efforts);
-    Ok(Some(SeriesChoice {
+    let found = SeriesChoice {
         is_used: with_series < below * with_filter,
         filtered: with_filter.is_finite().then(|| percent(with_filter)),
         series: percent(with_series),
         ..found
-    }))
+    };
+    let delays = (finds_delays && found.is_used).then_some(delays);
+    Ok(Some((found, delays)))
 }
 
 #[cfg(test)]

@@ -93,15 +93,18 @@ fn found<M: BaseModel<f64> + ?Sized>(
         return Ok(None);
     };
     choice.velocities = velocities;
-    let series = |basis: &Basis<'_, M>, choice: &Choice| {
+    let series = |basis: &Basis<'_, M>, choice: &Choice, finds_delays| {
         if !open.series || basis.logs.has_gaps() || choice.resample.is_some() {
-            return Ok(None);
+            return Ok((None, None));
         }
-        series_choice(session, runs, basis, choice)
+        let found = series_choice(session, runs, basis, choice, finds_delays)?;
+        Ok::<_, SessionError>(found.map_or((None, None), |(own, delays)| (Some(own), delays)))
     };
-    choice.series = series(&basis, &choice)?;
-    let late = if open.delays && reading.delays.is_empty() {
-        lateness(session, runs, &basis, &choice)?
+    let finds_delays = open.delays && reading.delays.is_empty();
+    let (found, of_series) = series(&basis, &choice, finds_delays)?;
+    choice.series = found;
+    let late = if finds_delays {
+        lateness(session, &basis, of_series)?
     } else {
         Lateness::None
     };
@@ -127,7 +130,7 @@ fn found<M: BaseModel<f64> + ?Sized>(
                 delays,
                 ..other
             };
-            choice.series = series(&again, &choice)?;
+            (choice.series, _) = series(&again, &choice, false)?;
             basis = again;
         }
     }
