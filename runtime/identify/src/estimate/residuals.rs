@@ -483,7 +483,22 @@ impl Autocorrelated {
 
 #[cfg(test)]
 mod tests {
-    use super::EffortError;
+    use super::{EffortError, bartlett_growth};
+
+    #[test]
+    fn what_white_noise_lacks_about_its_mean_is_given_back() {
+        for (samples, bandwidth) in [(64_usize, 1_usize), (64, 17), (250, 60), (1000, 400)] {
+            let (n, window) = (samples as f64, bandwidth as f64);
+            // about their mean, samples l apart have the covariance -(1 - l/n)/n in place of none
+            let lags = (1..bandwidth).map(|l| (1.0 - l as f64 / window) * (1.0 - l as f64 / n));
+            let expected = 1.0 - 1.0 / n - 2.0 / n * lags.sum::<f64>();
+            let corrected = expected * n / (n - 1.0) * bartlett_growth(samples, bandwidth);
+            assert!(
+                (corrected - 1.0).abs() < 5e-3,
+                "{samples}, {bandwidth}: {corrected}"
+            );
+        }
+    }
 
     #[test]
     fn residuals_that_swing_on_are_told_from_filtered_noise() {
