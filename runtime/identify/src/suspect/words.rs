@@ -16,7 +16,7 @@ const UNITS: [(f64, &str); 5] = [
     (1e-3, "1000 times too large, as in mN m or mm"),
     (1e3, "1000 times too small, as in kN"),
     (std::f64::consts::PI / 180.0, "in degrees"),
-    (9.806_65, "in kgf"),
+    (9.806_65, "in kgf, or without a gain of about 10"),
     (0.01, "in cm"),
 ];
 
