@@ -9,14 +9,15 @@ pub fn root() -> PathBuf {
 }
 
 /// A command of cargo whose release builds are those of a user's workspace: this one turns link-time
-/// optimisation off. The macro, which these builds only run, is optimised less, since that builds in
+/// optimisation off, and optimises most of it for size. The macro, which these builds only run, is optimised less, since that builds in
 /// less time and on all processors.
 pub fn cargo(name: &str, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO"));
     command
         .arg(name)
         .args(arguments)
-        .env("CARGO_PROFILE_RELEASE_LTO", "false");
+        .env("CARGO_PROFILE_RELEASE_LTO", "false")
+        .env("CARGO_PROFILE_RELEASE_OPT_LEVEL", "3");
     for setting in ["opt-level=1", "codegen-units=16"] {
         let setting = format!("profile.release.package.regen-codegen.{setting}");
         command.args(["--config", &setting]);

@@ -320,8 +320,8 @@ mod tests {
         assert_eq!(gain(&pair(0.98, 0.1), &pair(1.0, 0.9)), None);
         // less is enough if what was negative is not any more
         let negative = of_errors(0.4, 0.4, 0.9, 1);
-        assert!(gain(&of_errors(0.28, 0.4, 0.9, 0), &negative).is_some());
-        assert_eq!(gain(&of_errors(0.28, 0.4, 0.9, 0), &before), None);
+        assert!(gain(&of_errors(0.27, 0.4, 0.9, 0), &negative).is_some());
+        assert_eq!(gain(&of_errors(0.27, 0.4, 0.9, 0), &before), None);
         // the same errors, which the nominal bodies explain only so
         let unexplained = of_errors(0.4, 2.0, 0.9, 0);
         let explained = gain(&of_errors(0.4, 0.2, 0.9, 0), &unexplained).unwrap();
